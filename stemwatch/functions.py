@@ -49,8 +49,8 @@ class ReadAs(FileOptions, total=False):
     interval_s: float | None
     zone: str | None
     ranges: Ranges | None
-    start: datetime | None
-    stop: datetime | None
+    start: datetime | str | None
+    stop: datetime | str | None
 
 
 class ExplainAs(ReadAs, total=False):
@@ -82,8 +82,8 @@ def read(
     interval_s: float | None = None,
     zone: str | None = None,
     ranges: Ranges | None = None,
-    start: datetime | None = None,
-    stop: datetime | None = None,
+    start: datetime | str | None = None,
+    stop: datetime | str | None = None,
     **file_options: Unpack[FileOptions],
 ) -> Recording:
     """One valve's recording out of a DataFrame, arrays or a file, on one even clock.
@@ -103,8 +103,9 @@ def read(
             such times stays unknown, and durations are right.
         ranges: Values at 0 % and at 100 % of span of a signal, where it is not in percent:
             ``{"op": (4, 20), "mv": (0, 1)}`` for milliampere and a fraction.
-        start: First instant to read.
-        stop: Instant to end before.
+        start: First instant to read, a datetime or ISO text such as ``"2026-03-02 06:00"``. One
+            without an offset is a local time of ``zone``.
+        stop: Instant to end before, likewise.
         **file_options: How a file is written, where the reader should not decide it: ``encoding``,
             ``separator``, ``decimal``, ``day_first``, ``time_column``, ``time_format``,
             ``tag_column``, ``value_column``, ``quality_column``, ``good_quality``,
@@ -161,8 +162,8 @@ def screen(
     interval_s: float | None = None,
     zone: str | None = None,
     ranges: Ranges | None = None,
-    start: datetime | None = None,
-    stop: datetime | None = None,
+    start: datetime | str | None = None,
+    stop: datetime | str | None = None,
     narx: bool = True,
     mismatch: bool = True,
     limits: Mapping[str, float] | None = None,
@@ -248,8 +249,8 @@ def explain(
     interval_s: float | None = None,
     zone: str | None = None,
     ranges: Ranges | None = None,
-    start: datetime | None = None,
-    stop: datetime | None = None,
+    start: datetime | str | None = None,
+    stop: datetime | str | None = None,
     narx: bool = True,
     **file_options: Unpack[FileOptions],
 ) -> ExplainedValve | ExplainedValves:

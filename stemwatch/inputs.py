@@ -70,8 +70,8 @@ class InputOptions:
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     interval_s: float | None = None
     zone: str | None = None
-    start: datetime | None = None
-    stop: datetime | None = None
+    start: datetime | str | None = None
+    stop: datetime | str | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -96,7 +96,8 @@ class InputOptions:
         low, high = self.ranges.get(role.value, (None, None))
         return TagMapping(tag=tag, unit=unit, low=low, high=high)
 
-    def _aware(self, name: str, moment: datetime | None) -> datetime | None:
+    def _aware(self, name: str, given: datetime | str | None) -> datetime | None:
+        moment = _instant(name, given) if isinstance(given, str) else given
         if moment is None or moment.tzinfo is not None:
             return moment
         if self.zone is None:
@@ -107,14 +108,24 @@ class InputOptions:
         return moment.replace(tzinfo=ZoneInfo(self.zone))
 
 
+def _instant(name: str, text: str) -> datetime:
+    try:
+        return datetime.fromisoformat(text)
+    except ValueError:
+        raise ValueError(
+            f"{name}={text!r} is no time; expected ISO text such as '2026-03-02 06:00', or a "
+            "datetime"
+        ) from None
+
+
 def checked_options(
     signals: Mapping[str, SignalInput | None],
     valve: str,
     interval_s: float | None,
     zone: str | None,
     ranges: Mapping[str, tuple[float, float]] | None,
-    start: datetime | None,
-    stop: datetime | None,
+    start: datetime | str | None,
+    stop: datetime | str | None,
     options: Mapping[str, Any],
 ) -> InputOptions:
     """The arguments after a check. Raises ``ValueError`` where they contradict one another."""
@@ -161,6 +172,11 @@ def one_recording(data: object, inputs: InputOptions) -> Recording:
         return data
     if data is None:
         return _of_arrays(inputs)
+    if is_several(data):
+        raise TypeError(
+            f"received {_described(data)} of several, and a Recording is of one valve; read each "
+            "of them, or hand the whole to stemwatch.screen or stemwatch.explain"
+        )
     if not isinstance(data, pd.DataFrame):
         raise TypeError(f"received {_described(data)}; {EXPECTED}")
     if inputs.arrays:

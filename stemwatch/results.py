@@ -360,7 +360,9 @@ def explained(results: Sequence[Explained]) -> tuple[list[ExplainedValve], Disco
 def _mismatch_lines(mismatch: Mismatch | None, remark: str) -> list[str]:
     if mismatch is None:
         return []
-    lines = _wrapped(f"{FINDING_TITLE[mismatch.finding].capitalize()}: {mismatch.sentence}")
+    title = FINDING_TITLE[mismatch.finding].capitalize()
+    # The sentence of a recording without a verdict begins with what this title already says.
+    lines = _wrapped(f"{title}: {mismatch.sentence.removeprefix('Cannot tell: ')}")
     return lines + _wrapped(remark)
 
 

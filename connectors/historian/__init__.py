@@ -1,13 +1,18 @@
 """Text exports of plant historians, each read as it was written.
 
 ``HistorianFile`` is the connector; ``find_sources`` turns what a user typed into files;
-``propose_valves`` says which valves a file holds where tags and descriptions leave no doubt.
+``propose_valves`` says which valves a file holds where tags and descriptions leave no doubt, and
+``position_question`` asks for the position where they leave some.
 """
 
-from stemwatch.connectors.historian.connector import HistorianFile, propose_valves
+from stemwatch.connectors.historian.connector import HistorianFile, propose_valves, valves_among
 from stemwatch.connectors.historian.find_exports import FoundSources, find_sources
 from stemwatch.connectors.historian.inspection import Inspection
 from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.historian.tags.perhaps_position import (
+    position_question,
+    position_questions,
+)
 
 __all__ = [
     "FoundSources",
@@ -15,5 +20,8 @@ __all__ = [
     "Inspection",
     "ReadOptions",
     "find_sources",
+    "position_question",
+    "position_questions",
     "propose_valves",
+    "valves_among",
 ]

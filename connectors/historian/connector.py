@@ -184,8 +184,13 @@ def propose_valves(source: Connector) -> list[ValveTags]:
     Sorted by name. A valve without a position tag is proposed without MV: which tag is the
     position is never guessed.
     """
+    return valves_among(source.tags())
+
+
+def valves_among(infos: Sequence[TagInfo]) -> list[ValveTags]:
+    """The valves that ``propose_valves`` proposes from these tags of a source."""
     valves: dict[str, dict[Role, TagMapping]] = {}
-    for info in source.tags():
+    for info in infos:
         if info.proposed_role is not None and info.proposed_valve:
             mapping = TagMapping(tag=info.tag, unit=info.unit)
             valves.setdefault(info.proposed_valve, {})[info.proposed_role] = mapping

@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from stemwatch.connectors.connector import RANGE_HIGH, RANGE_LOW, TagInfo
+from stemwatch.connectors.historian.tags.perhaps_position import may_be_position
 from stemwatch.connectors.toml_value import toml_value
 from stemwatch.models.recording import PERCENT, Role
 
@@ -224,7 +225,11 @@ def _within_percent(tag: ProposedTag) -> bool:
 
 
 def _ask_position(tags: Sequence[ProposedTag], valve: str) -> list[str]:
-    maybe = [t.tag for t in tags if t.valve == valve and not t.role and t.remark]
+    maybe = [
+        t.tag
+        for t in tags
+        if t.valve == valve and not t.role and may_be_position(t.tag, t.description)
+    ]
     hint = f" (perhaps {', '.join(maybe[:3])})" if maybe else ""
     return [
         f"# which tag is the measured position (MV) of {valve}?{hint}".replace("\n", " "),
@@ -234,9 +239,11 @@ def _ask_position(tags: Sequence[ProposedTag], valve: str) -> list[str]:
 
 
 def questions_toml(tags: Sequence[ProposedTag]) -> list[str]:
-    """Loops without a certain OP, listed so that a person sees what is missing."""
+    """Loops without a certain OP, listed so that a person sees what is missing; what only measures
+    lacks none."""
     certain = set(valves_of(tags))
-    open_tags = [t for t in tags if t.valve and t.valve not in certain]
+    loops = {t.valve for t in tags if t.role != Role.PV} - certain
+    open_tags = [t for t in tags if t.valve and t.valve in loops]
     if not open_tags:
         return []
     lines = ["", "# Not proposed, because the controller output (OP) is not certain:"]

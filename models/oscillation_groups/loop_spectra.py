@@ -42,10 +42,12 @@ class LoopOscillation:
 @dataclass(frozen=True, kw_only=True)
 class LoopSpectra:
     """``spectra`` (m, f) of loops without drift and spikes, of unit variance; ``frequencies`` (f,)
-    in 1/s; ``size`` samples of ``interval_s``."""
+    in 1/s; ``moves`` (m,) how often each loop takes another value; ``size`` samples of
+    ``interval_s``."""
 
     spectra: Complexes
     frequencies: Floats
+    moves: NDArray[np.int64]
     size: int
     interval_s: float
 
@@ -70,10 +72,15 @@ def loop_spectra(values: Floats | NDArray[np.float32], interval_s: float) -> Loo
     """
     m, n = values.shape
     spectra = np.empty((m, n // 2 + 1), dtype=np.complex128)
+    moves = np.zeros(m, dtype=np.int64)
     for rows in blocks_of(m):
+        steps = np.diff(values[rows], axis=1)
+        moves[rows] = np.count_nonzero(np.isfinite(steps) & (steps != 0.0), axis=1)
         spectra[rows] = _unit_spectra(np.array(values[rows], dtype=np.float64))
     frequencies = np.arange(n // 2 + 1) / (n * interval_s)
-    return LoopSpectra(spectra=spectra, frequencies=frequencies, size=n, interval_s=interval_s)
+    return LoopSpectra(
+        spectra=spectra, frequencies=frequencies, moves=moves, size=n, interval_s=interval_s
+    )
 
 
 def blocks_of(loops: int) -> list[slice]:

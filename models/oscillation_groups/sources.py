@@ -39,12 +39,14 @@ class MemberEvidence:
     """(k, 8) the evidence for each member, in the order of ``NAMES``, before comparison with the
     others.
 
-    ``connected`` is whether connections of these loops are known.
+    ``connected`` is whether connections of these loops are known; ``at_rest`` has the members whose
+    controller does not take part: its output moves less often than the oscillation turns.
     """
 
     members: tuple[int, ...]
     values: Floats
     connected: bool = False
+    at_rest: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +97,17 @@ def member_evidence(
         ],
         axis=1,
     )
-    return MemberEvidence(members=group.members, values=values, connected=bool(near.any()))
+    at_rest = outputs.moves[members] < errors.size * errors.interval_s / group.period_s
+    if at_rest.any() and not at_rest.all():
+        # An OP that does not move has no harmonics: it must not make those of others look strong.
+        of_output = NAMES.index("harmonics of OP")
+        values[at_rest, of_output] = values[~at_rest, of_output].mean()
+    return MemberEvidence(
+        members=group.members,
+        values=values,
+        connected=bool(near.any()),
+        at_rest=frozenset(np.array(members)[at_rest].tolist()),
+    )
 
 
 def nearness(
@@ -156,13 +168,18 @@ def rank_sources(evidence: MemberEvidence, weights: SourceWeights) -> SourceRank
     """The members in the order of their probability of being the source, and the probability of
     none.
 
-    Probabilities are those of a multinomial logit over the members and "none".
+    Probabilities are those of a multinomial logit over the members and "none". Nothing begins in a
+    loop whose controller is at rest, in manual or at its limit: neither its valve nor its tuning
+    can be the cause. What it shows came from elsewhere, so that its probability is that of none.
     """
     utility = np.append(
         compared(evidence) @ np.array(weights.member), of_none(evidence) @ np.array(weights.none)
     )
     odds = np.exp(utility - utility.max())
     odds /= odds.sum()
+    still = np.append([member in evidence.at_rest for member in evidence.members], False)
+    odds[-1] += odds[still].sum()
+    odds[still] = 0.0
     order = np.argsort(-odds[:-1], kind="stable")
     return SourceRanking(
         members=tuple(evidence.members[i] for i in order),

@@ -145,9 +145,15 @@ def _store(plant: Path | None, db: str) -> Iterator[Store]:
 
 
 def _user(store: Store, name: str) -> User:
+    from stemwatch.connectors.connector import nearest_names
+
     user = store.accounts.find(name)
     if user is None:
-        raise typer.BadParameter(f"there is no user {name}", param_hint="NAME")
+        names = [known.name for known in store.accounts.all()]
+        raise typer.BadParameter(
+            f"there is no user {name!r}; nearest: {nearest_names(name, names) or 'nobody is one'}",
+            param_hint="NAME",
+        )
     return user
 
 

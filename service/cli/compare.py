@@ -12,7 +12,7 @@ from stemwatch.service.cli.reading import (
     given_by,
     read_options,
     request_of,
-    say_unused_options,
+    say_reading_remarks,
     tags_of,
 )
 
@@ -58,7 +58,7 @@ def compare(
     o.need_file(file, "FILE")
     request = request_of([str(file)], None, tags_of(op=op, mv=mv), valve, from_, to, options)
     recording = _the_recording(request, file)
-    say_unused_options([recording.provenance])
+    say_reading_remarks([recording.provenance])
     _report(_compared(recording, train_share, narx), out, json_file)
 
 

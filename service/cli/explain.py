@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stemwatch.service.cli import options as o
-from stemwatch.service.cli.reading import given_by, requested, say_unused_options
+from stemwatch.service.cli.reading import given_by, requested, say_reading_remarks
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -87,7 +87,7 @@ def _report(
         from stemwatch.service.explain.explain_json import to_json
 
         json_file.write_text(to_json(valves), encoding="utf-8")
-    say_unused_options(
+    say_reading_remarks(
         valve.recording.provenance for valve in valves if valve.recording is not None
     )
     if not any(explained.recording is not None for explained in valves):

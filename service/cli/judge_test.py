@@ -70,8 +70,8 @@ def judge_test(
         name, question = valve, _of_store(valve, request, db, recording.start)
     if len(question.models) < 2:
         raise ValueError(
-            f"{name}: no effects were left to be told apart before the test; what its recording "
-            "shows say `stemwatch screen` (the verdict, after a bump test) and `stemwatch explain`"
+            f"{name}: no effects were left to be told apart before the test; `stemwatch screen` "
+            "(the verdict, after a bump test) and `stemwatch explain` say what its recording shows"
         )
     test_result = result_of(judge_test(question, recording), name, (recording.start, recording.end))
     views.out.print(_on_terminal(test_result), highlight=False)
@@ -86,7 +86,7 @@ def judge_test(
 
 def _recorded(request: Request, valve: str) -> Recording:
     """The recording of the test, of ``valve`` where the source holds several."""
-    from stemwatch.service.cli.reading import say_unused_options
+    from stemwatch.service.cli.reading import say_reading_remarks
     from stemwatch.service.explain.requested_recordings import recordings_to_explain
     from stemwatch.service.run.task import recording_of
 
@@ -101,7 +101,7 @@ def _recorded(request: Request, valve: str) -> Recording:
     if named[0].task is None or named[0].reason:
         raise ValueError(named[0].reason or f"{named[0].source}: there is nothing to read")
     recording = recording_of(named[0].task)
-    say_unused_options([recording.provenance])
+    say_reading_remarks([recording.provenance])
     return recording
 
 

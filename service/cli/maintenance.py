@@ -25,6 +25,7 @@ def maintenance(
     From then on its baseline counts as one from before the work, and the first window that begins
     after it becomes the new baseline.
     """
+    from stemwatch.connectors.connector import nearest_names
     from stemwatch.service.cli import views
     from stemwatch.service.config import load_plant
     from stemwatch.service.store.store import open_existing_store, open_store
@@ -38,10 +39,14 @@ def maintenance(
     # A plant file names its valves before any run; without one the database may be mistyped.
     opened = open_existing_store(address) if db else open_store(address)
     with opened as store:
-        if valve not in {stored_valve.id for stored_valve in store.valves()} and (
-            loaded is None or valve not in loaded.valves
-        ):
-            raise typer.BadParameter(f"no valve {valve} in this store", param_hint="VALVE")
+        names = {stored_valve.id for stored_valve in store.valves()}
+        names |= set(loaded.valves if loaded else ())
+        if valve not in names:
+            raise typer.BadParameter(
+                f"there is no valve {valve!r} in this store; nearest: "
+                f"{nearest_names(valve, sorted(names)) or 'it holds none'}",
+                param_hint="VALVE",
+            )
         store.record_maintenance(valve, moment, note, who)
     at_minute = moment.isoformat(timespec="minutes")
     line = views.escape(f"Recorded for {valve} at {at_minute}: {note}")

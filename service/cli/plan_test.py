@@ -174,12 +174,12 @@ def explained_file(request: Request) -> Explained:
             f"a test is planned for one valve; the file has {len(candidates)} ({names}): give "
             "its tags with --op and --mv, or screen the file and name the valve with --db"
         )
-    from stemwatch.service.cli.reading import say_unused_options
+    from stemwatch.service.cli.reading import say_reading_remarks
 
     explained = explain_one(Job(to_explain=candidates[0], narx=False))
     if explained.recording is None:
         raise ValueError(explained.mismatch.sentence)
-    say_unused_options([explained.recording.provenance])
+    say_reading_remarks([explained.recording.provenance])
     return explained
 
 

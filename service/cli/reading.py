@@ -212,21 +212,26 @@ def _refuse_what_nobody_asks_for(
         )
 
 
-def say_unused_options(recordings: "Iterable[Provenance]") -> None:
-    """On the terminal: the options of the command line that made no difference to a file."""
+def say_reading_remarks(recordings: "Iterable[Provenance]") -> None:
+    """On the terminal: the options of the command line that made no difference to a file, and
+    which tag may be a position that nobody named."""
+    from stemwatch.connectors.historian import position_questions
     from stemwatch.connectors.historian.unused_options import unused_sentences
     from stemwatch.service.cli import views
 
-    unused = {
+    said = {
         (Path(provenance.source).name, sentence): None
         for provenance in recordings
-        for sentence in unused_sentences(provenance.decisions)
+        for sentence in (
+            *unused_sentences(provenance.decisions),
+            *position_questions(provenance.decisions),
+        )
     }
-    names_of_unused = list(unused)
-    for source, sentence in names_of_unused[:MOST_FILES_SAID]:
+    remarks = list(said)
+    for source, sentence in remarks[:MOST_FILES_SAID]:
         views.say(f"{source}: {sentence}")
-    if len(names_of_unused) > MOST_FILES_SAID:
-        views.say(f"and so in {len(names_of_unused) - MOST_FILES_SAID} more; the report names each")
+    if len(remarks) > MOST_FILES_SAID:
+        views.say(f"and so in {len(remarks) - MOST_FILES_SAID} more; the report names each")
 
 
 def loaded_plant(plant: Path | None, source: Sequence[str] | None) -> "Plant | None":

@@ -17,7 +17,7 @@ from stemwatch.service.cli.reading import (
     given_by,
     part_of,
     requested,
-    say_unused_options,
+    say_reading_remarks,
     valves_in_part,
 )
 from stemwatch.service.presenter.cost_of_sticking import RankBy
@@ -161,7 +161,7 @@ def _run(
     # What a plant file says of its sources holds for all their files; the report names those that
     # did without.
     if request.sources and said:
-        say_unused_options(screening.provenance for screening in result.brief)
+        say_reading_remarks(screening.provenance for screening in result.brief)
     return ranking
 
 

@@ -79,6 +79,7 @@ def run_now(
     alerts and report as on a schedule. Asked to stop (SIGTERM, Ctrl-C), it leaves the run to the
     service, or to the next one that starts.
     """
+    from stemwatch.connectors.connector import nearest_names
     from stemwatch.service import __version__
     from stemwatch.service.cli import views
     from stemwatch.service.cli.reading import part_of, valves_in_part
@@ -90,7 +91,11 @@ def run_now(
 
     loaded = _load(plant)
     if unknown := [name for name in valve or () if name not in loaded.valves]:
-        raise typer.BadParameter(f"no valve {unknown[0]} in {plant}", param_hint="VALVE")
+        raise typer.BadParameter(
+            f"there is no valve {unknown[0]!r} in {plant}; nearest: "
+            f"{nearest_names(unknown[0], list(loaded.valves)) or 'it has none'}",
+            param_hint="VALVE",
+        )
     in_part = valves_in_part(loaded, part_of(site, area, unit))
     valves = tuple(dict.fromkeys((*(valve or ()), *in_part)))
     stop = threading.Event()

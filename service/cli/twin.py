@@ -139,7 +139,7 @@ def _request(id_or_file: str, given: RecordingOptions) -> Request:
 
 def _screened(request: Request) -> tuple[Recording, Screening]:
     from stemwatch.models.screening import Case, Options, screen
-    from stemwatch.service.cli.reading import say_unused_options
+    from stemwatch.service.cli.reading import say_reading_remarks
     from stemwatch.service.explain.requested_recordings import recordings_to_explain
     from stemwatch.service.run.task import recording_of
 
@@ -154,7 +154,7 @@ def _screened(request: Request) -> tuple[Recording, Screening]:
         )
     task = wanted[0].task
     recording = recording_of(task)
-    say_unused_options([recording.provenance])
+    say_reading_remarks([recording.provenance])
     case = Case(recording=recording, known_curve=task.given_curve)
     return recording, screen([case], Options(narx=False))[0]
 

@@ -274,7 +274,11 @@ def _lines_of_ranking(ranking: Ranking) -> list[tuple[RankedValve, str]]:
     verdict, a valve has one line and the number of its recordings: the others would say the same.
     """
     if set(ranking.verdicts) != {Verdict.UNDETERMINED}:
-        return [(valve, valve.recording) for valve in ranking[:SHOWN]]
+        shown = ranking[:SHOWN]
+        if out.width < MIDDLE and _begin_apart(shown):
+            # In a narrow column the file's name would take up many lines.
+            return [(valve, valve.begins if valve.recording else "") for valve in shown]
+        return [(valve, valve.recording) for valve in shown]
     lines: dict[str, tuple[RankedValve, str]] = {}
     for valve in ranking:
         recordings = f"{valve.recordings} recordings" if valve.recordings > 1 else ""
@@ -282,6 +286,12 @@ def _lines_of_ranking(ranking: Ranking) -> list[tuple[RankedValve, str]]:
         if len(lines) == SHOWN:
             break
     return list(lines.values())
+
+
+def _begin_apart(valves: Sequence[RankedValve]) -> bool:
+    """Whether the recordings of every valve are told apart by when they begin."""
+    known = [(valve.screening.valve, valve.begins) for valve in valves if valve.recording]
+    return all(begins for _, begins in known) and len(set(known)) == len(known)
 
 
 def _verdicts(ranking: Ranking) -> str:

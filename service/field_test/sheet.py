@@ -31,6 +31,12 @@ MEANINGS = {
     STICKS: "the valve sticks; screen the window of the test for S and J with their intervals",
 }
 
+# Of a bump test: no verdict may have been possible just because the position never moved.
+STILL = (
+    "An MV that stands still all the time is a reading that is frozen or a stem that is stuck "
+    "fast: somebody at the valve watches the stem itself and writes its travel down."
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class OpMove:
@@ -302,11 +308,12 @@ def _farthest(plan: FieldTestPlan, test: DesignedTest) -> float:
 def _passes(plan: FieldTestPlan) -> str:
     sigma = plan.question.sigma
     tolerance = max(3.0 * sigma, 2.0 * plan.question.scatter, 0.2)
-    return (
+    passes = (
         f"Passed: at each of these instants MV is within {tolerance:.1f} % of one and the same "
         "column. Failed: it follows none of them, or another one each time; then what is wrong "
         "is not among them, and `stemwatch explain` of the recording tries all other effects."
     )
+    return f"{passes} {STILL}" if plan.kind is PlanKind.BUMP else passes
 
 
 def outcome_of(slug: str) -> RivalOutcome:

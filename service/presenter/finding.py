@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import ceil
 
+from stemwatch.connectors.historian import position_questions
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldTest
 from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch
@@ -292,7 +293,7 @@ def _next_step(
     has a defect gets the advice for that defect, since the cause is not elsewhere. A valve that is
     healthy, or of which nothing can be told, and that oscillates because of another loop is
     referred to that loop first, which its own recording cannot know. Without a position, OP and PV
-    decide what to do first."""
+    decide what to do first, after the question which tag may be the position."""
     if decision.verdict is Verdict.DEFECTIVE and decision.effects:
         return present_effect(decision.effects[0]).check
     if decision.verdict is Verdict.DEFECTIVE:
@@ -303,6 +304,9 @@ def _next_step(
         return f"Nothing to do at this valve. {look}" if look else screening.advice
     told = screening.without_position if decision.kinds[0] == NO_POSITION else None
     advice = screening.advice if told is None else told.advice
+    asked = position_questions(screening.provenance.decisions)
+    if asked and decision.kinds[0] == NO_POSITION:
+        advice = f"{asked[0]} {advice}"
     if decision.moved:
         return f"{where_to_look(groups, screening.valve)} After that: {advice}"
     return " ".join(filter(None, (advice, field_test(screening))))

@@ -30,7 +30,7 @@ HOW_SURE = (
     "answers four were right; the other two are likely disturbances. Run a test before "
     "you open a valve."
 )
-MOVED = "it oscillates with other loops, which likely does not begin here."
+MOVED = "it oscillates with other loops, and that likely does not begin here."
 MOST_NAMED = 20  # loops in a line of the list of next steps
 _NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 TITLES = {

@@ -84,8 +84,13 @@ class RankedValve:
         if self.recordings == 1:
             return ""
         name = re.split(r"[\\/]", self.screening.provenance.source)[-1]
+        return f"{name}, {self.begins}" if self.begins else name
+
+    @property
+    def begins(self) -> str:
+        """When its recording begins; empty where that is not known."""
         start = self.screening.window[0]
-        return name if start is None else f"{name}, {instant(start, self.zone)}"
+        return "" if start is None else instant(start, self.zone)
 
     @property
     def weeks(self) -> TrendOverWeeks | None:

@@ -18,7 +18,13 @@ from stemwatch.connectors.connector import (
     ValveTags,
     Window,
 )
-from stemwatch.connectors.historian import ReadOptions, find_sources, propose_valves
+from stemwatch.connectors.historian import (
+    ReadOptions,
+    find_sources,
+    position_question,
+    propose_valves,
+    valves_among,
+)
 from stemwatch.connectors.historian.options import given_options
 from stemwatch.connectors.parquet import ParquetAddress, split_archives
 from stemwatch.models.recording import Role
@@ -254,14 +260,22 @@ def _of_file(request: Request, path: str, read_tags: ReadTags) -> list[Task]:
         tags = {role: TagMapping(tag=tag) for role, tag in request.tags.items()}
         return [_task(path, ValveTags(valve=request.valve or stem, tags=tags), options, window)]
     try:
-        proposed = propose_valves(open_file(path, options))
+        infos = open_file(path, options).tags()
     except ConnectorError as error:
         return [_not_readable(path, stem, str(error))]
+    proposed = valves_among(infos)
     if not proposed:
-        infos = open_file(path, options).tags()
         reason = ONE_TAG if len(infos) == 1 else NO_VALVE
         return [replace(_not_readable(path, stem, reason), file_remarks=_columns(infos))]
-    return [_task(path, valve, options, window) for valve in proposed]
+    return [
+        replace(_task(path, valve, options, window), file_remarks=_question(valve, infos))
+        for valve in proposed
+    ]
+
+
+def _question(valve: ValveTags, infos: Sequence[TagInfo]) -> tuple[str, ...]:
+    """Which tag the position may be, where none was taken for it."""
+    return tuple(filter(None, [position_question(valve.valve, infos)]))
 
 
 def _of_archive(request: Request, path: str) -> list[Task]:

@@ -74,7 +74,7 @@ class Task:
     earlier_curves: tuple[EarlierCurve, ...] = ()  # from OP to stroke, found in earlier windows
     earlier_answers: tuple[EarlierAnswer, ...] = ()  # of OP and PV alone, the last first
     reason: str = ""  # why there is nothing to screen, and what to do about it
-    file_remarks: tuple[str, ...] = ()  # on a readable file in which no valve was recognised
+    file_remarks: tuple[str, ...] = ()  # why a readable file shows no valve, or no position of it
 
     @property
     def text_file(self) -> str | None:
@@ -133,7 +133,10 @@ def open_archive(address: ArchiveAddress) -> ArchiveConnector:
 def recording_of(task: Task) -> Recording:
     """The recording of the task, read from its source in this process."""
     if task.archive is None:
-        return _connector(task).read(task.tags, task.window)
+        recording = _connector(task).read(task.tags, task.window)
+        provenance = recording.provenance
+        decisions = (*provenance.decisions, *task.file_remarks)
+        return replace(recording, provenance=replace(provenance, decisions=decisions))
     archive = open_archive(task.archive)
     return archive.read(archive.present(task.tags), task.window)
 

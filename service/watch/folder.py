@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import numpy as np
+
 from stemwatch.connectors.historian import ReadOptions
 from stemwatch.models.recording import Role
 from stemwatch.service.config import Plant
@@ -20,11 +22,13 @@ from stemwatch.service.store.store import Store
 from stemwatch.service.watch.limited_reader import Export, ReaderDied, Rejected, limited_reading
 
 _SHOWN = 8
+_TOO_OLD = "are older than keep_samples_days ="
 
 
 @dataclass(frozen=True, kw_only=True)
 class Taken:
-    """The number of stored samples, their tags, and a note on tags that were not in the file."""
+    """The number of stored samples, their tags, and a note on tags that were not in the file and on
+    samples too old to stay."""
 
     samples: int
     tags: tuple[str, ...]
@@ -48,18 +52,36 @@ def take_in(
         source=source,
         wanted=tags_wanted,
     )
-    count = 0
+    count = old = 0
+    kept_from_us = _kept_from_us(plant)
     with limited_reading(export, memory_bytes) as (units, batches):
         samples.describe(source, dict(units))
         for batch in batches:
             samples.write(batch)
             count += len(batch)
+            old += int(np.count_nonzero(batch.at_us < kept_from_us))
     missing = sorted(set(tags_wanted) - set(units))
     note = f"{count} samples of {len(units)} tags"
     if missing:
         and_more = f" and {len(missing) - _SHOWN} more" if len(missing) > _SHOWN else ""
         note += f"; not in this file: {', '.join(missing[:_SHOWN])}{and_more}"
+    if old:
+        many = "all" if old == count else f"{old}"
+        note += (
+            f"; {many} of them {_TOO_OLD} {plant.service.keep_samples_days:g} days, and will be "
+            "removed within the hour. To keep them, raise keep_samples_days in [service], start "
+            "the service again and drop the file again. `stemwatch screen` reads the file itself, "
+            "whatever its age"
+        )
     return Taken(samples=count, tags=tuple(units), note=note)
+
+
+def _kept_from_us(plant: Plant) -> int:
+    """The first instant whose samples the service keeps, microseconds since 1970: it removes whole
+    days in UTC."""
+    oldest = datetime.now(UTC) - timedelta(days=plant.service.keep_samples_days)
+    midnight = oldest.replace(hour=0, minute=0, second=0, microsecond=0)
+    return round(midnight.timestamp() * 1e6)
 
 
 def _tags_wanted(plant: Plant, source: str) -> dict[str, bool]:
@@ -198,7 +220,8 @@ class WatchedFolder:
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
         taken_before = self._store.sources.taken(digest)
-        if taken_before is not None and taken_before.accepted:
+        # What was too old to stay may come again: the plant file may say otherwise by now.
+        if taken_before is not None and taken_before.accepted and _TOO_OLD not in taken_before.note:
             self._move(path, DONE, f"taken in before, as {taken_before.name}; not again")
             return taken_before
         if self._attempts.unfinished(digest) >= MOST_ATTEMPTS:
@@ -241,7 +264,7 @@ class WatchedFolder:
         # Stored before moving: after an interruption its digest is known and it is only moved.
         self._store.sources.note_taken(file)
         self._move(path, DONE if accepted else REJECTED, "" if accepted else note)
-        level = logging.INFO if accepted else logging.WARNING
+        level = logging.INFO if accepted and _TOO_OLD not in note else logging.WARNING
         log.log(level, "%s: %s: %s", path.name, "taken in" if accepted else "rejected", note)
         return file
 

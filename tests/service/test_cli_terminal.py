@@ -7,6 +7,7 @@ import io
 import json
 import re
 from dataclasses import replace
+from datetime import timedelta
 from pathlib import Path
 from zoneinfo import ZoneInfo
 
@@ -14,6 +15,7 @@ import pytest
 from rich.console import Console
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.cli import views
 from stemwatch.service.report.ranking import rank_valves
 from tests.service.maintenance.example_work_list import context, mixed
@@ -165,6 +167,29 @@ def test_the_ranking_shows_whole_intervals(width: int, monkeypatch: pytest.Monke
     assert text.count("(10.9-13.6)") == 2 * sum(item.S.value is not None for item in matching)
     assert "\N{HORIZONTAL ELLIPSIS}" not in text.partition("verdict")[2]
     assert max(map(len, text.splitlines())) <= width
+
+
+@pytest.mark.parametrize(("width", "named"), [(80, False), (120, True)])
+def test_recordings_of_a_valve_are_told_apart_without_long_names(
+    width: int, named: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In a narrow terminal by when they begin, where that is enough: the name of a file would be
+    folded into a column of ten letters. Two that begin together keep their names everywhere."""
+    name = "exports/AREA400-2026-03-01_unit100.csv"
+    first = next(item for item in mixed() if item.S.value and item.recording is not None)
+    first = replace(first, provenance=replace(first.provenance, source=name))
+    later = replace(first.recording, start=first.recording.start + timedelta(days=1))
+    terminal = Console(width=width, file=io.StringIO(), record=True)
+    monkeypatch.setattr(views, "out", terminal)
+
+    def shown(*matching: Screening) -> str:
+        terminal.print(views.summary(rank_valves(list(matching), context(list(matching)))))
+        text = terminal.export_text()
+        return "".join(line.split("│")[2].strip() for line in text.splitlines() if "│" in line)
+
+    second = replace(first, recording=later)
+    assert ("AREA400" in shown(first, second)) is named
+    assert "AREA400" in shown(first, replace(first, recording=first.recording))
 
 
 def test_a_verdict_says_when_its_recording_begins_in_the_zone_of_the_plant() -> None:

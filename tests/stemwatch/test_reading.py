@@ -320,6 +320,18 @@ ERRORS: list[tuple[str, Callable[[pd.DataFrame], object], type[Exception], str]]
         "start=2026-03-02 06:00:00 has no zone",
     ),
     (
+        "a window in no form of time",
+        lambda frame: sw.read(frame, op="FIC101.OP", start="2.3.2026"),
+        ValueError,
+        "start='2.3.2026' is no time; expected ISO text such as '2026-03-02 06:00'",
+    ),
+    (
+        "a list where one valve is read",
+        lambda frame: sw.read([frame]),  # type: ignore[arg-type]
+        TypeError,
+        "received a list of several, and a Recording is of one valve; read each of them, or hand",
+    ),
+    (
         "an empty window",
         lambda frame: sw.read(frame, op="FIC101.OP", start=datetime(2027, 1, 1, tzinfo=UTC)),
         ConnectorError,
@@ -365,3 +377,12 @@ def test_a_frame_in_memory_keeps_the_contract_of_every_connector(frame: pd.DataF
     before = frame.copy()
     source.read(valve)
     pd.testing.assert_frame_equal(before, frame)
+
+
+def test_a_window_is_given_as_iso_text_too(frame: pd.DataFrame) -> None:
+    """With an offset as it stands, without one in the zone of the call."""
+    start = datetime(2026, 3, 2, 6, 2, tzinfo=UTC)
+    aware = sw.read(frame, op="FIC101.OP", start=start)
+    text = sw.read(frame, op="FIC101.OP", start="2026-03-02T06:02+00:00")
+    local = sw.read(frame, op="FIC101.OP", zone="Europe/Berlin", start="2026-03-02 07:02")
+    assert aware.start == text.start == local.start == start

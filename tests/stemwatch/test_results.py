@@ -219,3 +219,11 @@ def test_plots_show_both_views(
     assert "S and J alone" in {line.get_label() for line in axes.get_lines()}
     with pytest.raises(ValueError, match="TIC-103: no samples of the controller output"):
         work["TIC-103"].plot()
+
+
+def test_what_cannot_be_tested_is_said_once() -> None:
+    """Without a position nothing can be explained; the line does not say so twice."""
+    loop = sw.simulate(minutes=10)
+    blind = sw.explain(op=loop.op.values, interval_s=1.0, narx=False)
+    text = " ".join(repr(blind).split())
+    assert "Cannot be tested: there is no valve position in this recording" in text

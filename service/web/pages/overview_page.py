@@ -4,6 +4,7 @@ fresh, the last run and the next."""
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from threading import Lock
@@ -76,7 +77,7 @@ def overview(request: Request, deps: Deps) -> HTMLResponse:
     newest = deps.store.ranking(RankingFilter(sort="at", descending=True, size=1))
     runs = deps.store.queue.recent(RECENT_RUNS)
     schedules = deps.store.schedules.all()
-    last = next((run for run in runs if not is_alive(run)), None)
+    last = _last(runs)
     weeks = weeks_of(deps, 0 if last is None else last.id)
     trends = deps.store.trends([line.valve for line in ranking.lines], deps.site.limits)
     steps = next_steps(deps.store.without_verdict(), groups)
@@ -102,6 +103,14 @@ def overview(request: Request, deps: Deps) -> HTMLResponse:
             for line in worst
         ],
     )
+
+
+def _last(runs: Sequence[StoredRun]) -> StoredRun | None:
+    """The newest run that is over. An instant that was skipped because a run was not over yet is
+    none: it would hide how that run ended."""
+    over = [run for run in runs if not is_alive(run)]
+    worked = (run for run in over if run.state is not RunState.SKIPPED)
+    return next(worked, over[0] if over else None)
 
 
 def weeks_of(deps: Dependencies, run: int) -> list[Week]:

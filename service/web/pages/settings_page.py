@@ -26,7 +26,9 @@ from stemwatch.service.config.in_force import (
     checked_limits,
     checked_schedule,
 )
+from stemwatch.service.config.service_schema import ServiceSection
 from stemwatch.service.presenter.setting_words import LIMIT_WORDS, RULE_WORDS
+from stemwatch.service.presenter.wording import duration
 from stemwatch.service.store.runs.browser_settings import SetLimit
 from stemwatch.service.store.runs.schedules import FROM_BROWSER
 from stemwatch.service.web.auth.current_user import SignedIn, note_about
@@ -180,6 +182,7 @@ def _page(
         rule_words=RULE_WORDS,
         rules=shown_keys(plant.alerts.model_dump()) if plant else [],
         schedules=deps.store.schedules.all(),
+        unsaid_window=_unsaid_window(plant),
         authors=deps.store.browser_settings.schedules(),
         levels=deps.store.levels(),
         storage=str(deps.store.address),
@@ -187,6 +190,12 @@ def _page(
         notifiers=_notifiers(plant),
         problems=[masked(str(problem)) for problem in plant.problems] if plant else [],
     )
+
+
+def _unsaid_window(plant: Plant | None) -> str:
+    """How far back a run looks whose schedule does not say it."""
+    window_s = (ServiceSection() if plant is None else plant.service).window_s
+    return f"whole files; of stored samples the last {duration(window_s)}"
 
 
 def _limits(deps: Dependencies) -> list[ShownLimit]:

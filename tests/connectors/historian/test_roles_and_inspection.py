@@ -10,6 +10,7 @@ import pytest
 
 from stemwatch.connectors.historian import HistorianFile, propose_valves
 from stemwatch.connectors.historian.proposed_plant import ProposedSource, plant_toml
+from stemwatch.connectors.historian.tags.perhaps_position import may_be_position
 from stemwatch.connectors.historian.tags.roles import propose_roles
 from stemwatch.connectors.historian.tags.tag_names import parse_tag
 from stemwatch.models.recording import Role
@@ -181,3 +182,51 @@ def test_slow_scan_is_measured(open_text) -> None:
     recording = source.read(valve)
     assert recording.signals[Role.PV].interval_s == 10.0
     assert recording.op.interval_s is None
+
+
+def test_a_copy_of_the_output_is_not_offered_as_the_position(open_text) -> None:
+    """What is known to be a copy, or a parameter, is never named where the position is asked for:
+    whoever took it at its word would compare OP with itself."""
+    rows = "".join(
+        f"2026-01-05T06:{k // 60:02d}:{k % 60:02d}-04:00,{40 + k % 9},{40 + (k // 9) % 9},"
+        f"{20 + k % 5},{20 + (k // 9) % 5},0.5\n"
+        for k in range(300)
+    )
+    head = (
+        "Timestamp,FIC-400B/BLOCK1/OUT.CV %,FIC-400B/PID1/OUT.CV %,FIT-400B/AI1/OUT.CV gal/min,"
+        "FIC-400B/PID1/PV.CV gal/min,FIC-400B/PID1/GAIN.CV\n"
+    )
+    seen = open_text(head + rows, "rig.csv").inspect()
+    assert "a copy of FIC-400B/BLOCK1/OUT.CV" in " ".join(tag.remark for tag in seen.tags)
+    proposal = plant_toml([ProposedSource("rig", seen.source, (seen,))])
+    assert "# which tag is the measured position (MV) of FIC-400B?\n" in proposal
+
+
+def test_a_mere_measurement_is_no_loop_without_an_output(open_text) -> None:
+    """A transmitter that belongs to no controller lacks no OP, and is not listed among the loops
+    whose OP is not certain; a loop with a set point and no output is."""
+    rows = "".join(f"2026-01-05T06:00:{k:02d}Z,{40 + k % 9},{20 + k % 5},7\n" for k in range(60))
+    head = "Timestamp,FIC1.OP,TE-9/AI1/OUT.CV °C,PIC3.SP\n"
+    seen = open_text(head + rows, "rig.csv").inspect()
+    proposal = plant_toml([ProposedSource("rig", seen.source, (seen,))])
+    assert "TE-9" not in proposal
+    assert "#   PIC3.SP (PIC3): by its name 'SP'" in proposal
+
+
+@pytest.mark.parametrize(
+    ("tag", "description", "may_be"),
+    [
+        ("FIC1.MV", "", True),
+        ("MV", "", True),
+        ("ZT-101", "", True),
+        ("FIC1/AO1/READBACK.CV", "", True),
+        ("FIC1.OUT", "valve position of FIC1", True),
+        ("FIC1/PID1/OUT.CV", "", False),
+        ("FIC1/PID1/GAIN.CV", "", False),
+        ("FIC1.CV", "", False),
+        ("TI7", "", False),
+    ],
+)
+def test_which_tags_may_be_a_position(tag: str, description: str, may_be: bool) -> None:
+    """A word that means the position somewhere, or a description that says so."""
+    assert may_be_position(tag, description) is may_be

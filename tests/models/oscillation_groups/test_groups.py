@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stemwatch.models.oscillation_groups.find_groups import find_groups
-from stemwatch.models.oscillation_groups.limits import LIMITS, SourceWeights
+from stemwatch.models.oscillation_groups.limits import LIMITS, WEIGHTS, SourceWeights
 from stemwatch.models.oscillation_groups.loop_spectra import loop_spectra, oscillations
 from stemwatch.models.oscillation_groups.plant_groups import (
     LONGEST,
@@ -199,6 +199,28 @@ def test_probabilities_are_of_one_source_or_none() -> None:
     assert not ranking.outside
     none = replace(weights, none=(9.0, 0, 0, 0, 0, 0, 0))
     assert rank_sources(MemberEvidence(members=(4, 7, 9), values=values), none).outside
+
+
+@pytest.mark.parametrize(("moves", "begins_there"), [(0, False), (1, False), (200, True)])
+def test_nothing_begins_in_a_loop_whose_controller_is_at_rest(
+    moves: int, begins_there: bool
+) -> None:
+    """A loop in manual shows what passes through it, however early and however pure. The other
+    loops are no likelier for that: it came from outside."""
+    values = 0.3 * noises(3)
+    for member, delay in enumerate((0.0, 150.0, 300.0)):
+        values[member] += (3.0 - member) * wave(400.0, delay_s=delay, wander=0.08)
+    outputs = values.copy()
+    outputs[0] = np.repeat(np.arange(moves + 1), -(-N // (moves + 1)))[:N] % 2
+    errors, moved = loop_spectra(values, INTERVAL_S), loop_spectra(outputs, INTERVAL_S)
+    (group,) = find_groups(errors, errors, LIMITS)
+    ranking = rank_sources(member_evidence(errors, moved, group, {}), WEIGHTS)
+    all_move = rank_sources(member_evidence(errors, errors, group, {}), WEIGHTS)
+    assert all_move.members[0] == 0
+    assert (ranking.members[0] == 0) is begins_there
+    assert (ranking.probability[ranking.members.index(0)] > 0.0) is begins_there
+    assert ranking.outside is not begins_there
+    assert sum(ranking.probability) + ranking.none == pytest.approx(1.0)
 
 
 def loop(name: str, values: np.ndarray, start: datetime | None = START, **more) -> ThinnedLoop:

@@ -69,7 +69,7 @@ def test_links_roles_and_the_end_of_access(stemwatch, url: str) -> None:
     ("words", "text"),
     [
         (("list",), "--plant plant.toml or --db URL"),
-        (("reset", "Nobody", "--db", "{url}"), "there is no user Nobody"),
+        (("reset", "Nobody", "--db", "{url}"), "there is no user 'Nobody'; nearest: 'Karl'"),
         (("add", "--role", "boss", "--db", "{url}"), "viewer, engineer, admin is expected"),
         (("disable", "Karl", "--db", "{url}"), "the only admin"),
     ],

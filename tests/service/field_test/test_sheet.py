@@ -100,6 +100,15 @@ def test_bump_test_of_an_unknown_op_is_given_in_changes():
     assert "How PV answers OP is not known" in text
 
 
+def test_bump_test_says_what_a_position_that_stands_still_means():
+    """The valve may have got no verdict because its reading is frozen: then MV follows neither
+    column, and neither explanation of the other tests is true."""
+    text = sheet_of(plan_of_a_bump(), "FIC-110").passes
+    assert "stands still all the time is a reading that is frozen or a stem that is stuck" in text
+    assert "watches the stem itself" in text
+    assert "frozen" not in sheet_of(plan_that_tells(), "FIC-110").passes
+
+
 @pytest.mark.parametrize("plan", PLANS)
 def test_json_has_no_number_that_json_lacks_and_the_limits_hold(plan):
     """Every value of OP in the JSON lies within the limits beside it."""

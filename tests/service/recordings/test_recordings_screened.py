@@ -184,6 +184,19 @@ def test_a_staircase_without_a_jump_is_not_surely_said_to_jump(
         assert J["low"] == 0.0
 
 
+def test_no_wave_begins_in_a_loop_whose_output_stands_at_its_limit(screened: Screened) -> None:
+    """One valve of a rig is stepped by hand, and four loops measure the same flow. The speed loop,
+    whose OP takes another value once in half an hour, shows the purest wave and is not its source:
+    the hand is none of these loops."""
+    outcome, valves = screened("uolab/*400B*Opening.csv")
+    assert outcome.status == 0
+    groups = {valve["valve"]: valve["oscillates_with"] for valve in valves}
+    (group,) = groups["FSC-400A"]
+    assert {"FSC-400A", "FIC-400B"} <= set(group["loops"])
+    assert group["source"] != "FSC-400A"
+    assert group["outside_probability"] > 0.9
+
+
 def test_a_recording_of_25_seconds_is_judged_by_its_samples(screened: Screened) -> None:
     """Five thousand samples 5 ms apart are enough to see that a force given as command is no
     position: neither a defect nor health, and the advice says which tag to map."""

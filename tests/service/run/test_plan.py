@@ -8,9 +8,12 @@ import pytest
 
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian import ReadOptions
+from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Role
 from stemwatch.service.config import load_plant
+from stemwatch.service.presenter.finding import present
 from stemwatch.service.run.plan import Request, make_plan
+from stemwatch.service.run.task import screen_tasks
 
 LOOPS = "Time,{0}.OP,{0}.ZT\n2026-03-02T06:00:00Z,50,50\n2026-03-02T06:00:01Z,51,50\n"
 
@@ -120,3 +123,32 @@ def test_a_source_without_files_is_left_out_with_the_pattern(folder: Path) -> No
     assert name == "wide"
     assert "no file matches *.csv" in reason
     assert {"FIC-1", "FIC-9"} == {task.tags.valve for task in planned.tasks if task.reason}
+
+
+OP_AND_MV = "Time,OP,{0}\n" + "".join(
+    f"2026-03-02T06:00:{row:02d}Z,{50 + row % 7},{50 + row % 5}\n" for row in range(60)
+)
+
+
+def test_a_column_that_may_be_the_position_is_asked_for(tmp_path: Path) -> None:
+    """Beside OP a column MV is not read, since nobody said what it is; the task asks, the recording
+    keeps the question among its decisions, and what to do next begins with it."""
+    file = tmp_path / "loop.csv"
+    file.write_text(OP_AND_MV.format("MV"), encoding="utf-8")
+    (task,) = make_plan(Request(sources=(str(file),))).tasks
+    assert Role.MV not in task.tags.tags
+    (question,) = task.file_remarks
+    assert question.startswith("MV may be the measured position of loop, but the name leaves doubt")
+    assert "--mv 'MV'" in question
+    (screening,) = screen_tasks([task], Limits(), networks=False)
+    assert question in screening.provenance.decisions
+    assert present(screening, stands=None).next_step.startswith(question)
+
+
+@pytest.mark.parametrize("column", ["ZT", "FLOW"])
+def test_nothing_is_asked_where_no_name_leaves_doubt(tmp_path: Path, column: str) -> None:
+    """A position by its name is read, and what says nothing about a position is not asked about."""
+    file = tmp_path / "loop.csv"
+    file.write_text(OP_AND_MV.format(column), encoding="utf-8")
+    (task,) = make_plan(Request(sources=(str(file),))).tasks
+    assert task.file_remarks == ()

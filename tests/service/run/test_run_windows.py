@@ -191,10 +191,13 @@ def test_the_user_may_choose_the_baseline(first, screened, rows) -> None:
 
 
 def test_maintenance_of_an_unknown_valve_is_refused(stemwatch, plant: Path) -> None:
-    """A valve that neither store nor plant knows ends with 2 and its name."""
-    outcome = stemwatch("maintenance", "FIC-999", "--note", "x", "--plant", plant)
+    """A valve that neither store nor plant knows ends with 2, its name and those like it."""
+    outcome = stemwatch("maintenance", "FIC104", "--note", "x", "--plant", plant)
     assert outcome.status == 2
-    assert "no valve FIC-999" in outcome.said
+    assert "there is no valve 'FIC104' in this store; nearest: 'FIC-104'" in outcome.said
+    queued = stemwatch("run-now", "FIC104", "--plant", plant)
+    assert queued.status == 2
+    assert "nearest: 'FIC-104'" in queued.said
 
 
 def test_maintenance_needs_a_store(stemwatch) -> None:

@@ -27,6 +27,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.run.plan import Request, make_plan
 from stemwatch.service.run.task import screen_tasks
+from stemwatch.service.serve.periodic_tasks import remove_old
 from stemwatch.service.store.samples.connector import StoredSamples
 from stemwatch.service.store.store import Store, open_store
 from stemwatch.service.watch import WatchedFolder, take_in
@@ -39,6 +40,7 @@ def watched(plant: Path, export: Path) -> Plant:
     """The small plant, whose exports are dropped into a folder."""
     lines = plant.read_text(encoding="utf-8").splitlines()
     text = "\n".join('folder = "inbox"' if line.startswith("path =") else line for line in lines)
+    text += "\n[service]\nkeep_samples_days = 36500\n"  # the export's date lies where it lies
     plant.write_text(text, encoding="utf-8")
     loaded = load_plant(plant, environment={})
     assert loaded.problems == ()
@@ -343,3 +345,29 @@ def test_a_reading_process_that_is_killed_is_noticed(watched: Plant, tmp_path: P
     with pytest.raises(ReaderDied, match="ended with -9"), limited_reading(export):
         pass
     thread.join()
+
+
+def test_samples_too_old_to_stay_are_told_and_may_come_again(
+    folder: WatchedFolder, store: Store, watched: Plant, export: Path
+) -> None:
+    """An export of years ago is removed again within the hour, which is told where the file is
+    listed; once the plant file keeps samples longer, the same file is taken in when it is dropped
+    again. Of one within reach nothing is said."""
+    text = watched.file.read_text(encoding="utf-8")
+    short = text.replace("keep_samples_days = 36500", "keep_samples_days = 1")
+    watched.file.write_text(short, encoding="utf-8")
+    (source,) = watched.sources
+    hasty = WatchedFolder(load_plant(watched.file), source, store, quiet=timedelta(0))
+    drop(hasty, "years.csv", export.read_bytes())
+    (file,) = twice(hasty)
+    assert file.accepted
+    told = "; all of them are older than keep_samples_days = 1 days, and will be removed within"
+    assert told in file.note
+    assert told in store.sources.taken(file.digest).note
+
+    remove_old(store, load_plant(watched.file))
+    assert count(store, folder) == 0
+    drop(folder, "years.csv", export.read_bytes())
+    (again,) = twice(folder)
+    assert "keep_samples_days" not in again.note
+    assert count(store, folder) == again.samples > 0

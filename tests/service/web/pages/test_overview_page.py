@@ -21,6 +21,7 @@ from stemwatch.service.presenter.suspicion_words import (
 from stemwatch.service.presenter.work_decision import WorkCounts
 from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.runs.queue import RunToQueue
+from stemwatch.service.store.runs.schedule import ScreeningSchedule
 from stemwatch.service.store.screenings.ranking import RankingFilter
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.web.site import Site
@@ -92,6 +93,22 @@ def test_old_data_are_said_and_fresh_ones_are_not() -> None:
     ]
     spread = replace(late, spread=timedelta(hours=6))
     assert stale_data(NOW, newest=NOW, schedules=[spread], silent=[]) == []
+
+
+def test_a_skipped_instant_does_not_hide_that_the_run_before_it_failed(
+    live: Site, client: httpx.Client
+) -> None:
+    """While a run works on, further instants of its schedule are noted as skipped. When it fails,
+    it is the last run, and the page says that results are out of date."""
+    live.store.schedules.take_from_file([ScreeningSchedule(name="quick", every_s=60.0)])
+    asked = RunToQueue(schedule="quick", due=NOW, who="")
+    number = live.store.queue.put(asked, software_version="test")
+    later = replace(asked, due=NOW + timedelta(minutes=1))
+    assert live.store.queue.put(later, software_version="test") is not None
+    live.store.queue.finish(number, RunState.FAILED, reason="the disk is full")
+    text = text_of(client.get("/overview").text)
+    assert "The last run failed: the disk is full." in text
+    assert f"failed Run {number}" in text
 
 
 def test_an_empty_store_says_what_to_do(

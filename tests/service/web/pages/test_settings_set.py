@@ -249,3 +249,17 @@ def test_hostile_names_are_written_as_toml() -> None:
         schedule = ScreeningSchedule(name=name, every_s=60.0, areas=(name,))
         (table,) = tomllib.loads(as_plant_toml({}, [schedule]))["schedules"]
         assert (table["name"], table["areas"]) == (name, [name])
+
+
+def test_a_schedule_without_a_window_says_how_far_back_it_looks(
+    live: Site, tmp_path: Path, client_of
+) -> None:
+    """What the plant file says of stored samples stands there, not "all there is"."""
+    file = tmp_path / "short.toml"
+    file.write_text(FILE + "[service]\nwindow_s = 7200\n", encoding="utf-8")
+    plant = load_plant(file, environment={})
+    live.store.schedules.take_from_file(plant.schedules)
+    page = client_of(replace(live, plant=plant)).get("/settings").text
+    says = "whole files; of stored samples the last 2 h"
+    assert f'<td data-label="Looks back">{says}</td>' in page
+    assert f"(empty: {says})" in page

@@ -10,11 +10,12 @@ from urllib.parse import parse_qs, urlsplit
 import pytest
 
 from stemwatch.models.mismatch.findings import Finding
+from stemwatch.models.verdict import Verdict
 from stemwatch.service.store.store import Store
 from stemwatch.service.web.site import Site
 from tests.service.example_mismatches import named
 from tests.service.field_test.planned_tests import QUESTION
-from tests.service.web.example_plant import NOW, STICKY, screening, serving
+from tests.service.web.example_plant import HEALTHY, NOW, STICKY, screening, serving
 from tests.service.web.pages.test_pages_browser import DESK, PHONE, Opened
 from tests.service.web.signed_in import cookie_of
 
@@ -104,3 +105,16 @@ def test_the_sheet_to_print_keeps_the_limits(opened: Opened) -> None:
     answer = page.request.get(opened.base + address)
     assert answer.ok
     assert answer.body().startswith(b"%PDF")
+
+
+def test_a_bump_test_fits_on_a_desk(opened: Opened, filled: Store) -> None:
+    """The long names of its two stems wrap, so that the column for what was seen stays in sight."""
+    run = filled.begin_run(software_version="1")
+    unmoved = screening(HEALTHY, Verdict.UNDETERMINED, None, None, at=NOW + timedelta(hours=1))
+    filled.save(unmoved, run)
+    page = opened.page(f"/valve/test-plan?id={HEALTHY}&minutes=5", viewport=DESK)
+    assert "MV: a stem that sticks, with S of 3 %" in page.locator("main").inner_text()
+    seen = page.locator(".looks .seen").first.bounding_box()
+    panel = page.locator(".test-plan .panel").first.bounding_box()
+    assert seen["x"] + seen["width"] <= panel["x"] + panel["width"]
+    assert page.evaluate("document.documentElement.scrollWidth") <= DESK["width"]
