@@ -33,8 +33,7 @@ LEAST_KNOWN = 0.9  # of a segment
 FEWEST = 3  # segments
 FIRST = 6  # line of the slowest swing, of SEGMENT samples: 43 samples
 BELOW, BAND = (0.35, 0.65), (0.75, 4.0 / 3.0)  # of the line's frequency
-# Of 36 healthy valves (`draw_healthy`, seed 5151) two have a line that meets both, of 0.4 % and
-# 0.06 %, in loops that are badly tuned; white noise of any size reaches 2.2 and 2.
+# White noise of any size reaches 2.2 and 2.
 ABOVE_SLOWER, ABOVE_MEDIAN = 3.0, 5.0
 OVER_COMMAND = 9.0  # times its power: three times its amplitude
 MOST_EXPLAINED = 0.5  # of the power, by the command

@@ -12,6 +12,7 @@ from stemwatch.models.own_swing import OwnSwing, own_swing
 from stemwatch.models.recording import Floats, Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.stickslip.problem import make_problem
+from stemwatch.models.studies.simulator import draw_healthy, simulate_loop
 from stemwatch.models.verdict import Verdict
 
 N = 1800
@@ -101,3 +102,15 @@ def test_a_stem_that_hunts_is_not_called_healthy():
     assert "from peak to peak every 5 s while OP does not" in hunting_stem.reason
     assert hunting_stem.S.value is None
     assert "positioner" in hunting_stem.advice
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [6161, 7171])
+def test_no_healthy_valve_swings_by_itself(seed):
+    """Of 36 simulated loops with healthy valves, tuned well and badly, none has a swing of its own
+    as large as the limit."""
+    loops = enumerate(draw_healthy(36, seed))
+    cases = [Case(recording=simulate_loop(loop, place).recording) for place, loop in loops]
+    screened = screen(cases, Options(narx=False, mismatch=False))
+    assert sum(one.verdict is Verdict.HEALTHY for one in screened) >= 27
+    assert not [one.reason for one in screened if "from peak to peak" in one.reason]
