@@ -21,6 +21,8 @@ from stemwatch.models.recording import Floats
 _ROUNDING = 1e-9  # percent; a smaller step of the force is a held command
 # A stem that drags towards its end of travel never quite arrives; below this speed it stands.
 _STANDS_BELOW = 0.01  # percent per second
+_HYSTERESIS, _WAY = stem_number.HYSTERESIS, stem_number.WAY
+_ALMOST = 0.99  # of a level: rounding does not let a stem go below it
 _SOFTEST = 0.5  # least rise of spring and force together over a percent of travel, percent
 
 
@@ -49,20 +51,20 @@ def table_slope(tables: Floats, lane: int, x: float) -> float:
 
 
 @never_raises
-def share_and_least(dt: float, q: Floats, slope: float) -> tuple[float, float]:
+def share_and_least(dt: float, drag_s: float, restick: float, slope: float) -> tuple[float, float]:
     """The share of the gap that a stem covers in a sample, and the gap below which it sticks; with
-    a negative one only a turn stops it.
+    a negative speed of sticking again only a turn stops it. Drag and speed as in ``stem``.
 
     A force that rises by ``slope`` over a percent of travel closes the gap on the way, as a stiffer
     spring would: it comes to rest after ``gap / (1 + slope)``.
     """
     stiffness = max(1.0 + slope, _SOFTEST)
-    drags = q[stem_number.DRAG_S] > 1e-3
-    share = 1.0 - np.exp(-dt * stiffness / q[stem_number.DRAG_S]) if drags else 1.0
+    drags = drag_s > 1e-3
+    share = 1.0 - np.exp(-dt * stiffness / drag_s) if drags else 1.0
     share /= stiffness
-    if q[stem_number.RESTICK] < 0.0:
+    if restick < 0.0:
         return share, -_ROUNDING
-    speed = max(q[stem_number.RESTICK], _STANDS_BELOW if drags else 0.0)
+    speed = max(restick, _STANDS_BELOW if drags else 0.0)
     return share, max(speed * dt / share, _ROUNDING)
 
 
@@ -73,35 +75,57 @@ def look_up(
     placed: NDArray[np.int64],
     friction: Floats,
     force: Floats,
-    dt: float,
+    sample: tuple[float, int, np.uint64],
+    at_rest: np.uint64,
+    least_share: float,
     forces: Floats,
 ) -> None:
     """Friction and force by place, of those lanes ``placed`` that moved, and how far they slide.
 
-    ``forces`` (lanes,) at this sample.
+    ``sample``: the interval, its number, and where the ``forces`` at it begin. Stems rest where the
+    row ``at_rest`` is 0, and hold there up to ``least_share`` of their levels at least: how far
+    those slide that hold, on a spring with inner friction, is not asked.
     """
-    for lane in placed:
-        i, q = np.uint64(lane), numbers[lane]
-        x, springs = s[row.X + i], q[stem_number.HYSTERESIS] != 0.0
+    dt, k, o = sample
+    # By index and number by number: an iterator, and a view of a row, would be counted as a
+    # reference at every sample.
+    for place in range(placed.size):
+        lane, slope = placed[place], 0.0
+        i, spring = np.uint64(lane), (numbers[lane, _HYSTERESIS], numbers[lane, _WAY])
+        x = s[row.X + i]
         moved = x != s[row.LOOKED_UP_AT + i]
         if moved:
             s[row.LOOKED_UP_AT + i] = x
             s[row.FRICTION + i] = table_value(friction, lane, x)
             s[row.FORCE + i] = table_value(force, lane, x)
-            if springs:
-                s[row.FORCE + i] += _drag_anchors(s, i, q, x)
-        if moved or springs:
-            slope = table_slope(force, lane, x)
-            if springs:
-                slope += _stiffened(s, i, q, forces[lane] - x - s[row.FORCE + i])
-            s[row.SHARE + i], s[row.LEAST_GAP + i] = share_and_least(dt, q, slope)
+        asked = moved
+        if spring[0] != 0.0:
+            if moved:
+                s[row.FORCE + i] += _drag_anchors(s, i, spring, x)
+            f = forces[o + i] - x - s[row.FORCE + i]
+            least = least_share * _lower_level(s, i, k)
+            rest_tells = numbers[lane, stem_number.BY_REST] != 0.0
+            asked = s[at_rest + i] != 0.0 or rest_tells or abs(f) >= _ALMOST * least
+            slope = _stiffened(s, i, spring, f) if asked else 0.0
+        if asked:
+            slope += table_slope(force, lane, x)
+            drag_s, restick = numbers[lane, stem_number.DRAG_S], numbers[lane, stem_number.RESTICK]
+            s[row.SHARE + i], s[row.LEAST_GAP + i] = share_and_least(dt, drag_s, restick, slope)
 
 
 @never_raises
-def anchor(s: Floats, i: np.uint64, q: Floats, x: float, share: float) -> None:
+def _lower_level(s: Floats, i: np.uint64, k: int) -> float:
+    """The lower of the two levels at which lane ``i`` lets go at sample ``k``, but for what its
+    rest adds, percent."""
+    jump = s[row.HALF_J + i] * (1.0 - abs(s[row.ASYMMETRY + i]))
+    level: float = (s[row.HALF_S + i] + jump) * (1.0 + s[row.GROWTH + i] * k) + s[row.FRICTION + i]
+    return level
+
+
+@never_raises
+def anchor(s: Floats, i: np.uint64, way: float, x: float, share: float) -> None:
     """Anchor the spring's elements of lane ``i``, set to its place ``x``, so that they hold back a
     ``share`` of what they can, -1 to 1."""
-    way = q[stem_number.WAY]
     s[row.SHORT_ANCHOR + i] = first_anchor(x, way, REACHES[0], share)
     s[row.MIDDLE_ANCHOR + i] = first_anchor(x, way, REACHES[1], share)
     s[row.LONG_ANCHOR + i] = first_anchor(x, way, REACHES[2], share)
@@ -109,28 +133,28 @@ def anchor(s: Floats, i: np.uint64, q: Floats, x: float, share: float) -> None:
 
 
 @never_raises
-def _drag_anchors(s: Floats, i: np.uint64, q: Floats, x: float) -> float:
+def _drag_anchors(s: Floats, i: np.uint64, spring: tuple[float, float], x: float) -> float:
     """Move the anchors of lane ``i`` to its place ``x``; returns the force of its spring's inner
-    friction there."""
-    way = q[stem_number.WAY]
+    friction there. ``spring``: hysteresis and way."""
+    hysteresis, way = spring
     short = dragged(s[row.SHORT_ANCHOR + i], x, way, REACHES[0])
     middle = dragged(s[row.MIDDLE_ANCHOR + i], x, way, REACHES[1])
     long = dragged(s[row.LONG_ANCHOR + i], x, way, REACHES[2])
     s[row.SHORT_ANCHOR + i], s[row.MIDDLE_ANCHOR + i] = short, middle
     s[row.LONG_ANCHOR + i] = long
-    force: float = q[stem_number.HYSTERESIS] * held_back((short, middle, long), x, way)
+    force: float = hysteresis * held_back((short, middle, long), x, way)
     return force
 
 
 @never_raises
-def _stiffened(s: Floats, i: np.uint64, q: Floats, f: float) -> float:
+def _stiffened(s: Floats, i: np.uint64, spring: tuple[float, float], f: float) -> float:
     """The mean rise of the inner friction of lane ``i`` over a percent of the travel by which the
     force ``f`` on the stem slides it; 0 where it does not."""
     gap = abs(f) - (s[row.HALF_S + i] - s[row.HALF_J + i])
     if gap <= 0.0:
         return 0.0
     anchors = s[row.SHORT_ANCHOR + i], s[row.MIDDLE_ANCHOR + i], s[row.LONG_ANCHOR + i]
-    side, hysteresis = 1.0 if f > 0.0 else -1.0, q[stem_number.HYSTERESIS]
-    slides = way_through(anchors, s[row.X + i], side, gap, hysteresis, q[stem_number.WAY])
+    side, (hysteresis, way) = 1.0 if f > 0.0 else -1.0, spring
+    slides = way_through(anchors, s[row.X + i], side, gap, hysteresis, way)
     rise: float = gap / slides - 1.0
     return rise

@@ -98,7 +98,7 @@ class TermSet:
 
     terms: tuple[Term, ...] = ()
 
-    @property
+    @cached_property
     def slugs(self) -> tuple[str, ...]:
         """The slugs of the terms, in the order of the chain."""
         return tuple(term.slug for term in self.terms)

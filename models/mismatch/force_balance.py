@@ -98,13 +98,12 @@ def _resolved(problem: FitProblem, run_ups: float) -> _Regression | None:
 
 @dataclass(frozen=True)
 class _Regression:
-    """Coefficients (7,) in samples, and the robust spreads: of OP - MV, of what is left, and of
-    what would be left without inertia. ``rows`` (m, 7), ``off`` (m,), their weights and blocks."""
+    """Coefficients (7,) in samples, and the robust spreads: of OP - MV, and of what is left.
+    ``rows`` (m, 7), ``off`` (m,), their weights and blocks."""
 
     coefficients: Floats
     spread: float
     left: float
-    left_massless: float
     top_speed: float
     rows: Floats
     off: Floats
@@ -123,7 +122,6 @@ class _Regression:
             return None
         rows[:, FRICTION] = np.tanh(rows[:, SPEED] / (SLOW * typical))
         coefficients, weight, spread_left = _robust(rows, residuals)
-        _, _, left_massless = _robust(rows[:, :INERTIA], residuals)
         spread, top_speed = (
             _spread(residuals - np.median(residuals)),
             float(np.percentile(speeds, 99.5)),
@@ -132,7 +130,6 @@ class _Regression:
             coefficients,
             spread,
             spread_left,
-            left_massless,
             top_speed,
             rows,
             residuals,
@@ -145,13 +142,17 @@ class _Regression:
         """The run-up in samples: inertia over lag."""
         return float(self.coefficients[INERTIA] / max(self.coefficients[SPEED], 1e-9))
 
+    def _left_massless(self) -> float:
+        """The robust spread of what would be left without inertia."""
+        return _robust(self.rows[:, :INERTIA], self.off)[2]
+
     def tells(self) -> bool:
         """True where this is a drive whose motion the samples resolve."""
         return bool(
             self.coefficients[SPEED] * max(self.run_up, LEAST_LAG) >= LEAST_LAG**2
             and self.run_up >= LEAST_RUN_UP
             and self.left <= MOST_LEFT * self.spread
-            and self.left <= MOST_OF_MASSLESS * self.left_massless
+            and self.left <= MOST_OF_MASSLESS * self._left_massless()
         )
 
     def bootstrapped(self) -> Floats:

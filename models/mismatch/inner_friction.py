@@ -82,5 +82,7 @@ def way_through(
                 slope += each / REACHES[i]
             else:
                 closed += each / REACHES[i] * max(room, 0.0)
-        u = (gap - closed) / slope
+        before, u = u, (gap - closed) / slope
+        if u == before:
+            break
     return u

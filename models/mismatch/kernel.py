@@ -123,7 +123,9 @@ def _begin(
         s[row.FORCE_AFTER + i] = s[row.FORCE + i] = s[row.WANDER + i] = 0.0
         s[row.FRICTION + i] = s[row.BREAKAWAY + i] = 0.0
         s[row.LOOKED_UP_AT + i] = np.nan
-        s[row.SHARE + i], s[row.LEAST_GAP + i] = share_and_least(dt, q, 0.0)
+        s[row.SHARE + i], s[row.LEAST_GAP + i] = share_and_least(
+            dt, q[stem_number.DRAG_S], q[stem_number.RESTICK], 0.0
+        )
         s[row.CREEP + i] = q[stem_number.CREEP] * dt
         s[row.STOP_LOW + i], s[row.STOP_HIGH + i] = (
             q[stem_number.STOP_LOW],
@@ -268,7 +270,8 @@ def _tabled(
 @never_raises
 def _rise(s: Floats, resting: NDArray[np.int64], breakaway: Floats) -> None:
     """Look up what the rest before adds to the breakaway of some lanes."""
-    for lane in resting:
+    for j in range(resting.size):
+        lane = resting[j]
         i = np.uint64(lane)
         # A stem that sticks at this very sample has not rested yet.
         rested = 0.0 if s[row.MOVING + i] > 0.0 else s[row.RESTED + i]
@@ -279,7 +282,8 @@ def _rise(s: Floats, resting: NDArray[np.int64], breakaway: Floats) -> None:
 @never_raises
 def _wander(s: Floats, waving: NDArray[np.int64], wander: Floats, k: int) -> None:
     """Look up how far the readings of some lanes wander at sample ``k``."""
-    for lane in waving:
+    for j in range(waving.size):
+        lane = waving[j]
         s[row.WANDER + np.uint64(lane)] = wander[lane, k]
 
 
@@ -304,13 +308,14 @@ def _slide_varied(
     """
     (mv, slack), (near_up, near_down), (placed, resting, waving) = record, near_onset, tabled
     (begin, end), half_way, (friction, pushing, breakaway, wander) = span, 0.5 * mv.size, tables
-    numbers, dt = stems
+    (numbers, dt), near = stems, min(near_up, near_down)
     begin_sliding(s, lanes, near_onset)
     for k in range(begin, end):
         o, t, full = np.uint64(k % AHEAD) * lanes, k - half_way, 0
         measured, free = (mv[k], slack[k]) if scale > 0.0 else (0.0, 0.0)
-        look_up(s, numbers, placed, friction, pushing, dt, forces[o:])
-        for lane in resting:
+        look_up(s, numbers, placed, friction, pushing, (dt, k, o), row.GOING, near, forces)
+        for j in range(resting.size):
+            lane = resting[j]
             at = np.uint64(lane)
             rested = 0.0 if s[row.GOING + at] != 0.0 else s[row.RESTED + at]
             s[row.BREAKAWAY + at], s[row.RESTED + at] = breakaway[lane, int(rested)], rested + 1.0
@@ -422,7 +427,7 @@ def _wander_and_rest(
         s[row.Z + i], s[row.MOVING + i], s[row.SPEED + i] = z, 0.0, 0.0
         s[row.RESTED + i] = 0.0 if start else s[row.RESTED + i]
         if start and q[stem_number.HYSTERESIS] != 0.0:
-            anchor(s, i, q, z, (laid_out[lane] - z) / band)
+            anchor(s, i, q[stem_number.WAY], z, (laid_out[lane] - z) / band)
 
 
 @never_raises
@@ -525,7 +530,8 @@ def follow(
                     current, losses)  # fmt: skip
         while k < end and charged_more == 0:
             if varied:  # not one function: passing all tables takes as long as using them
-                look_up(s, numbers, placed, friction, pushing, dt, laid_out[k % AHEAD * lanes :])
+                sample, near = (dt, k, np.uint64(k % AHEAD * lanes)), min(*near_onset)
+                look_up(s, numbers, placed, friction, pushing, sample, row.MOVING, near, laid_out)
                 _rise(s, rested, breakaway)
                 _set_levels(s, all_lanes, k)
             if timed:

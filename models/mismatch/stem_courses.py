@@ -111,10 +111,16 @@ def _add(
 
 
 @never_raises
+def _share_and_least(dt: float, q: Floats, slope: float) -> tuple[float, float]:
+    """``share_and_least`` of a stem where its force rises by ``slope`` over a percent of travel."""
+    return share_and_least(dt, q[stem_number.DRAG_S], q[stem_number.RESTICK], slope)
+
+
+@never_raises
 def no_courses(dt: float, q: Floats) -> tuple[Floats, tuple[float, float]]:
     """Rows without courses, and of a stem without tables the share of its gap that it covers in a
     sample and the fourth power of the gap at which it sticks."""
-    s, (share, least) = np.zeros(_ROWS * _WIDTH), share_and_least(dt, q, 0.0)
+    s, (share, least) = np.zeros(_ROWS * _WIDTH), _share_and_least(dt, q, 0.0)
     for place in range(U(_WIDTH)):
         s[SHARE + place], s[LEAST4 + place] = share, least * least * least * least
     return s, (share, least * least * least * least)
@@ -175,7 +181,7 @@ def look_up(
             x = s[X + i]
             s[FRICTION + i] = table_value(friction, 0, x)
             s[PUSHED + i] = table_value(pushing, 0, x)
-            share, least = share_and_least(dt, q, table_slope(pushing, 0, x))
+            share, least = _share_and_least(dt, q, table_slope(pushing, 0, x))
             s[SHARE + i], s[LEAST4 + i] = share, least * least * least * least
     if q[stem_number.BY_REST] != 0.0:
         for i in range(span[0], span[1]):

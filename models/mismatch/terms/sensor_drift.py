@@ -80,7 +80,7 @@ class SensorDrift(StemTerm):
     def fill(self, stem: Stem, values: Floats) -> None:
         """The drift of the reading."""
         stem.numbers[stem_number.DRIFT] = values[0]
-        if np.any(values[1:]):
+        if values[1:].any():
             stem.wander += values[1:] @ _waves(stem.wander.size)
             stem.numbers[stem_number.BY_TIME] = 1.0
 

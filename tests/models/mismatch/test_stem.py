@@ -402,6 +402,34 @@ def test_stems_that_only_slide_run_to_the_last_bit_as_beside_one_with_play(seed,
         np.testing.assert_array_equal(among_themselves, beside)
 
 
+@pytest.mark.parametrize("alone", [True, False])
+@pytest.mark.parametrize("seed", range(4))
+def test_how_far_a_spring_lets_a_stem_slide_is_left_out_where_it_surely_holds(seed, alone):
+    """The same run to the last bit where it is asked at every sample, as it is where the rest
+    before tells; here that adds nothing."""
+    rng = np.random.default_rng(200 + seed)
+    p, stems, record, scoring = drawn_runs(rng, 8, 333)
+    for name in ("ASYMMETRY", "CREEP", "PLAY") if alone else ():
+        stems.numbers[:, getattr(stem_number, name)] = 0.0
+    if alone:
+        stems.numbers[:, stem_number.STOP_LOW] = -np.inf
+        stems.numbers[:, stem_number.STOP_HIGH] = np.inf
+    stems.numbers[:, stem_number.BY_PLACE] = 1.0
+    stems.numbers[:, stem_number.HYSTERESIS] = rng.uniform(0.2, 3.0, 8)
+    stems.numbers[:, stem_number.WAY] = rng.uniform(0.5, 6.0, 8)
+    for stem in stems.each:
+        stem.breakaway[:] = 0.0
+    results = []
+    for rest_tells in (0.0, 1.0):
+        stems.numbers[:, stem_number.BY_REST] = rest_tells
+        losses, out, late = np.empty((8, 4)), np.empty((333, 8)), np.zeros((8, 333))
+        follow(p, np.arange(8) % 3, *stems.first(8), record, scoring, losses, out, late)
+        results.append((losses, out, late))
+    assert np.ptp(results[0][1], axis=0).min() > 0.5  # they move
+    for left_out, asked in zip(*results, strict=True):
+        np.testing.assert_array_equal(left_out, asked)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_compiled_is_interpreted(seed):
     """The compiled kernel gives what the same Python gives uncompiled, additions included."""
