@@ -28,6 +28,7 @@ def maintenance(
     from stemwatch.connectors.connector import nearest_names
     from stemwatch.service.cli import views
     from stemwatch.service.config import load_plant
+    from stemwatch.service.store.screenings.records import not_done_yet
     from stemwatch.service.store.store import open_existing_store, open_store
 
     if not db and plant is None:
@@ -35,6 +36,8 @@ def maintenance(
     loaded = load_plant(o.need_file(plant, "--plant")) if plant is not None else None
     home = zone or (loaded.zone if loaded else None) or ""
     moment = o.instant(at, home, "--at") or datetime.now(UTC)
+    if reason := not_done_yet(moment, datetime.now(UTC)):
+        raise typer.BadParameter(reason, param_hint="--at")
     address = db or (loaded.storage if loaded else db)
     # A plant file names its valves before any run; without one the database may be mistyped.
     opened = open_existing_store(address) if db else open_store(address)

@@ -11,6 +11,7 @@ from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.runs.schedule import ScreeningSchedule
 from stemwatch.service.store.screenings.feedback import Judgement
+from stemwatch.service.store.screenings.records import not_done_yet
 from stemwatch.service.store.store import Store
 
 LARGEST_NUMBER = 2**31 - 1  # of a row, in PostgreSQL
@@ -91,8 +92,10 @@ class Actions:
         """Store a note about a valve."""
         self.store.add_note(valve, at, text, who)
 
-    def maintenance(self, valve: str, at: datetime, text: str, who: str) -> None:
-        """Record work on a valve."""
+    def maintenance(self, valve: str, at: datetime, text: str, who: str, now: datetime) -> None:
+        """Record work on a valve, which was done before ``now``."""
+        if reason := not_done_yet(at, now):
+            raise Refused(reason)
         self.store.record_maintenance(valve, at, text, who)
 
     def feedback(self, screening: int, at: datetime, judgement: str, found: str, who: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import datetime, timedelta
 from enum import StrEnum
 from typing import Protocol
 
@@ -241,6 +241,14 @@ class Remark:
     at: datetime
     note: str
     who: str
+
+
+def not_done_yet(at: datetime, now: datetime) -> str:
+    """Why no work of ``at`` can be recorded at ``now``; empty where it is past. Until work that is
+    yet to come no window would become the valve's baseline; an hour is left to clocks."""
+    if at <= now + timedelta(hours=1):
+        return ""
+    return f"{at:%Y-%m-%d %H:%M %Z} has not come yet; give the time at which the work was done"
 
 
 @dataclass(frozen=True, kw_only=True)

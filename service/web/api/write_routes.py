@@ -81,10 +81,8 @@ def maintenance(
     deps: Deps, current_user: SignedIn, valve: Id, body: shapes.AskRemark
 ) -> shapes.Done:
     """Record work on a valve; the first window after it becomes its baseline."""
-    work_time = body.at or deps.now
-    deps.actions.maintenance(
-        deps.need_valve(valve), work_time, _text(body), current_user.signature(body.who)
-    )
+    work_time, who = body.at or deps.now, current_user.signature(body.who)
+    deps.actions.maintenance(deps.need_valve(valve), work_time, _text(body), who, deps.now)
     return shapes.Done(done="recorded")
 
 

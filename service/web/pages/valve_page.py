@@ -139,7 +139,7 @@ def maintenance(
     name = deps.need_valve(form.text("valve", needed="a valve"))
     remark_time = form.instant("at", deps.site.tz, deps.now)
     text = form.text("text", needed="what was done")
-    deps.actions.maintenance(name, remark_time, text, current_user.signature())
+    deps.actions.maintenance(name, remark_time, text, current_user.signature(), deps.now)
     return _to_valve_page(request, name, "maintenance", "log")
 
 

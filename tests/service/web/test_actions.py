@@ -101,6 +101,15 @@ def test_maintenance_is_recorded_in_the_plants_time(live, send, client):
     assert "2026-03-02 14:30" in client.get("/valve", params={"id": STICKY}).text
 
 
+def test_work_that_is_yet_to_come_is_refused(live, send):
+    """A slip in the date would keep every window until then from being the baseline."""
+    before = live.store.maintenance(STICKY)
+    answer = send("/valve/maintenance", valve=STICKY, text="packing", at="2027-03-02T14:30")
+    assert answer.status_code == 409
+    assert "2027-03-02 13:30 UTC has not come yet" in answer.text
+    assert live.store.maintenance(STICKY) == before
+
+
 def test_a_note_without_a_time_is_of_now(live, send):
     """And it may be about a valve whose name is a script."""
     answer = send("/valve/note", valve=HOSTILE, text="<b>odd</b>")
