@@ -18,11 +18,12 @@ def of_earlier_window(
     answers: Sequence[EarlierAnswer],
     packed_pictures: Callable[[int], bytes],
 ) -> ShownSuspicion | None:
-    """The pictures of the clearest window among ``answers`` that ended by ``start``, the start of
-    the latest, of which ``told`` was said with them.
+    """The pictures of the clearest of the windows in ``answers`` that ended before the latest one
+    began at ``start``; ``told`` is what OP and PV say with all of them counted.
 
-    ``packed_pictures`` gives what is kept of a screening. ``None`` where the valve is not suspected
-    or its latest window is by itself, and where no pictures are kept of the clearest.
+    ``packed_pictures`` gives what is kept of a screening. ``None`` where the valve is not
+    suspected, where its latest window raises the suspicion by itself, and where the clearest window
+    has no pictures.
     """
     if told is None or told.verdict is not Suspicion.SUSPECTED or start is None:
         return None
