@@ -140,6 +140,7 @@ class RivalRuns:
         summary = RecordingSummary(
             interval_s=self.interval,
             duration_s=n * self.interval,
+            unit_s=question.unit_s,
             op_low=low,
             op_high=high,
             mv_low=low,

@@ -87,6 +87,7 @@ from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.term_pairs import strongest_pair
 from stemwatch.models.mismatch.term_selection import TermScore, lacking, name_terms
 from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.mismatch.terms.dead_time import about_a_sample
 from stemwatch.models.mismatch.tried_effects import scores_of, what_was_tried
 from stemwatch.models.mismatch.uncertainty import draws
 from stemwatch.models.mismatch.uneven_readings import UnevenReadings, find_uneven_readings
@@ -409,10 +410,9 @@ def _but_for_clocks(
     uneven = None if again else _uneven_readings(case, hypothesis)
     if uneven is not None:
         age_s = uneven.half_width * evaluator.problem.interval_s
-        beyond_s = np.array([delay_s - age_s])
-        if catalogue()[DELAY].inherent(beyond_s, evaluator.summary):
+        if about_a_sample(delay_s - age_s, evaluator.summary):
             return others, (uneven_readings_effect(age_s, unit_s),)
-    if delay.members == (DELAY,) and delay.inherent:
+    if delay.members == (DELAY,) and about_a_sample(delay_s, evaluator.summary):
         return others, (small_delay_effect(delay_s, unit_s),)
     return effects, ()
 

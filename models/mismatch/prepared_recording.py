@@ -99,6 +99,7 @@ def summary_of(problem: FitProblem, spacing_s: float) -> RecordingSummary:
     return RecordingSummary(
         interval_s=max(problem.interval_s, spacing_s),
         duration_s=problem.op.size * problem.interval_s,
+        unit_s=problem.unit_s,
         op_low=float(op_low),
         op_high=float(op_high),
         mv_low=float(mv_low),

@@ -50,6 +50,7 @@ class RecordingSummary:
 
     interval_s: float
     duration_s: float
+    unit_s: float  # seconds in the unit of all times here, see ``own_clock``
     op_low: float  # percent, 1st percentile
     op_high: float
     mv_low: float

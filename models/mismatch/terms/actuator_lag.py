@@ -14,7 +14,12 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.first_order_lag import lag_by_direction
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._common import CommandTerm, about_value
+from stemwatch.models.mismatch.terms._common import (
+    LAG_AS_BUILT_S,
+    SLOW_AS_BUILT,
+    CommandTerm,
+    about_value,
+)
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -27,6 +32,7 @@ class ActuatorLag(CommandTerm):
     slug = "actuator_lag"
     order = 20
     words = Words(
+        no_work=SLOW_AS_BUILT,
         plain="the actuator or its I/P converter takes time to fill or vent",
         decide=(
             "Step OP by 2 % and by 10 %, then ramp it at two speeds: a lag delays the start of "
@@ -81,6 +87,10 @@ class ActuatorLag(CommandTerm):
         """A slip that takes 0.2 s is not worth a work order."""
         return bool(values[0] >= max(MATERIAL_S, 0.7 * summary.interval_s))
 
+    def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
+        """No slower than the largest valves are allowed to be."""
+        return bool(values[0] * summary.unit_s <= LAG_AS_BUILT_S)
+
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """tau, the time constant in seconds."""
         return {"tau": (float(values[0]), "s")}
@@ -99,7 +109,7 @@ class ActuatorLag(CommandTerm):
                 "step."
             ),
             fails=f"about {about_value(tau)} for either step",
-            passes=f"within {MATERIAL_S} s",
+            passes=f"within {LAG_AS_BUILT_S} s",
         )
 
 

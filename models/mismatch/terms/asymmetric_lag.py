@@ -14,7 +14,13 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import SLOW_POSITIONER, FieldAdvice, FieldTest, check_steps
 from stemwatch.models.first_order_lag import lag_by_direction
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._common import CommandTerm, about_value, number
+from stemwatch.models.mismatch.terms._common import (
+    LAG_AS_BUILT_S,
+    SLOW_AS_BUILT,
+    CommandTerm,
+    about_value,
+    number,
+)
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -31,6 +37,7 @@ class AsymmetricLag(CommandTerm):
     order = 20
     contains: tuple[str, ...] = ("actuator_lag",)
     words = Words(
+        no_work=SLOW_AS_BUILT,
         plain="the actuator fills faster than it vents, or the other way round",
         decide=(
             "Step OP by 5 % and by 20 % in the slow direction: with a lag the speed grows with "
@@ -88,6 +95,10 @@ class AsymmetricLag(CommandTerm):
         fast, slow = sorted((float(values[0]), float(values[1])))
         return slow >= max(MATERIAL_S, 0.7 * summary.interval_s) and slow >= MATERIAL_RATIO * fast
 
+    def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
+        """No slower than the largest valves are allowed to be."""
+        return bool(np.max(values) * summary.unit_s <= LAG_AS_BUILT_S)
+
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """The time constants of the position."""
         return {"tau_rising": (float(values[0]), "s"), "tau_falling": (float(values[1]), "s")}
@@ -111,7 +122,7 @@ class AsymmetricLag(CommandTerm):
                 "each step."
             ),
             fails=f"about {up} rising and {down} falling",
-            passes=f"both within {MATERIAL_S} s, or alike to within {MATERIAL_RATIO} times",
+            passes=f"both within {LAG_AS_BUILT_S} s, or alike to within {MATERIAL_RATIO} times",
         )
 
 

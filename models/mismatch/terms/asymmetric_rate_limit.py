@@ -122,7 +122,7 @@ class AsymmetricRateLimit(CommandTerm):
 
     def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """The slower way is as fast as large actuators without a booster are built."""
-        return bool(np.max(values) * AS_BUILT <= 1.0)
+        return bool(np.max(values) * summary.unit_s * AS_BUILT <= 1.0)
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """The top speeds of the position; 100 %/s stands for no limit."""

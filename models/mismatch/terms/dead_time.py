@@ -23,13 +23,19 @@ from stemwatch.models.stickslip.kernel import Marks
 # Less lies within a scan of controller and recorder, where it cannot be told from sampling.
 MATERIAL = 0.8  # seconds, and samples
 # Seconds that specifications allow the largest valves (EnTech 3.0, from memory).
-AS_BUILT = 1.2
+AS_BUILT_S = 1.2
+ABOUT_A_SAMPLE = 1.2  # own seconds, and samples
 AT_THE_END = 0.99  # of the longest delay that is tried
 
 
 def _longest(summary: RecordingSummary) -> float:
     """The longest delay that is tried, in units of the own clock."""
     return max(12.0, 10.0 * summary.interval_s)
+
+
+def about_a_sample(theta: float, summary: RecordingSummary) -> bool:
+    """True where the clocks of a sound loop may differ by a delay of ``theta``."""
+    return theta <= ABOUT_A_SAMPLE * max(1.0, summary.interval_s)
 
 
 class DeadTime(CommandTerm):
@@ -96,7 +102,8 @@ class DeadTime(CommandTerm):
 
     def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """As long as tubing and air of a large valve take, or the clocks of a sound loop differ."""
-        return bool(values[0] <= AS_BUILT * max(1.0, summary.interval_s))
+        theta = float(values[0])
+        return theta * summary.unit_s <= AS_BUILT_S or about_a_sample(theta, summary)
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """theta, the dead time in seconds."""
@@ -117,7 +124,7 @@ class DeadTime(CommandTerm):
             ),
             fails=f"about {about_value(parameters['theta'])}",
             passes=(
-                f"less than {AS_BUILT} s; the delay is then in how OP and MV are stamped, not in "
+                f"less than {AS_BUILT_S} s; the delay is then in how OP and MV are stamped, not in "
                 "the "
                 "valve"
             ),

@@ -113,7 +113,7 @@ class RateLimit(CommandTerm):
 
     def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """As fast as large actuators without a booster are built."""
-        return bool(values[0] * AS_BUILT <= 1.0)
+        return bool(values[0] * summary.unit_s * AS_BUILT <= 1.0)
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """The top speed; 100 %/s stands for no limit."""

@@ -16,7 +16,12 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._common import OneNumberTerm, about_value
+from stemwatch.models.mismatch.terms._common import (
+    LAG_AS_BUILT_S,
+    SLOW_AS_BUILT,
+    OneNumberTerm,
+    about_value,
+)
 from stemwatch.models.recording import Floats
 
 MATERIAL_S = 0.7  # a slip that takes less is how good valves are
@@ -29,6 +34,7 @@ class ViscousDrag(OneNumberTerm):
     fills = stem_number.DRAG_S
     order = 30
     words = Words(
+        no_work=SLOW_AS_BUILT,
         plain="the stem starts on time but slides slowly, as through thick grease",
         decide=(
             "Ramp OP at two speeds: drag starts the motion at the same OP on both, a lag the "
@@ -81,6 +87,10 @@ class ViscousDrag(OneNumberTerm):
         """A slip that takes 0.2 s is not worth a work order."""
         return bool(values[0] >= max(MATERIAL_S, 0.7 * summary.interval_s))
 
+    def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
+        """No slower than the largest valves are allowed to be."""
+        return bool(values[0] * summary.unit_s <= LAG_AS_BUILT_S)
+
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """tau_v, viscous coefficient over spring rate: the time constant of a slip in seconds."""
         return {"tau_v": (float(values[0]), "s")}
@@ -99,7 +109,7 @@ class ViscousDrag(OneNumberTerm):
                 "step."
             ),
             fails=f"about {about_value(parameters['tau_v'])}",
-            passes=f"within {MATERIAL_S} s",
+            passes=f"within {LAG_AS_BUILT_S} s",
         )
 
 

@@ -20,6 +20,7 @@ from tests.models.mismatch.fitted_chain import rescaled, simulated_by_chain
 LOOK = RecordingSummary(
     interval_s=1.0,
     duration_s=1200.0,
+    unit_s=1.0,
     op_low=30.0,
     op_high=70.0,
     mv_low=30.0,

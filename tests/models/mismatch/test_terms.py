@@ -18,6 +18,7 @@ everywhere = pytest.mark.parametrize("slug", sorted(CATALOGUE))
 LOOK = RecordingSummary(
     interval_s=1.0,
     duration_s=3600.0,
+    unit_s=1.0,
     op_low=25.0,
     op_high=75.0,
     mv_low=26.0,
@@ -95,6 +96,8 @@ MATTERS = [
 
 # slug, coordinates of how such a machine is made; all other material sizes are defects
 AS_BUILT = [
+    ("actuator_lag", [1.5]),
+    ("asymmetric_lag", [0.3, 1.5]),
     ("asymmetric_rate_limit", [1 / 15.0, 1 / 2.8]),
     ("bowed_linkage", [1.9]),
     ("dead_time", [0.97]),
@@ -103,15 +106,19 @@ AS_BUILT = [
     ("rate_limit", [1 / 3.2]),
     ("slip_overshoot", [4.0]),
     ("span_error", [-0.039]),
+    ("viscous_drag", [1.5]),
     ("zero_shift", [1.9]),
 ]
 DEFECTS = [
+    ("actuator_lag", [1.7]),
+    ("asymmetric_lag", [0.3, 1.7]),
     ("asymmetric_rate_limit", [0.0, 1 / 1.5]),
     ("bowed_linkage", [-2.1]),
     ("spring_hysteresis", [1.0, 8.0]),
     ("dead_time", [1.6]),
     ("rate_limit", [1 / 1.5]),
     ("span_error", [-0.041]),
+    ("viscous_drag", [1.7]),
     ("zero_shift", [-2.1]),
 ]
 
@@ -394,11 +401,35 @@ def test_the_expected_time_of_a_speed_limit_is_that_of_the_step():
 
 @everywhere
 def test_inherent_sizes_are_separated_from_defects(slug: str):
-    """A motor's lag, a load, a stroke as slow as large actuators have, and a reading that is off by
-    less than a stroke check finds fault with; nothing else."""
+    """A motor's lag, a load, a valve as slow as large ones are allowed to be, and a reading that is
+    off by less than a stroke check finds fault with; nothing else."""
     term = CATALOGUE[slug]
     for name, values in AS_BUILT:
         assert name != slug or term.inherent(np.array(values), LOOK)
     worth_work = [(name, large) for name, _, large in MATTERS if name not in dict(AS_BUILT)]
     for name, values in (*worth_work, *DEFECTS):
         assert name != slug or not term.inherent(np.array(values), LOOK)
+
+
+@pytest.mark.parametrize(
+    ("slug", "values"),
+    [
+        ("actuator_lag", [4.0]),
+        ("asymmetric_lag", [4.0, 0.0]),
+        ("asymmetric_rate_limit", [0.0, 4.0]),
+        ("dead_time", [4.0]),
+        ("rate_limit", [4.0]),
+        ("viscous_drag", [4.0]),
+    ],
+)
+def test_how_machines_are_built_is_counted_in_true_seconds(slug: str, values: list[float]):
+    """Four samples are 0.4 s for a stem sampled ten times a second, and four minutes for one that
+    is stored every minute. At one sample a second they are a defect."""
+    term, size = CATALOGUE[slug], np.array(values)
+    assert not term.inherent(size, LOOK)
+    assert term.inherent(size, replace(LOOK, unit_s=0.1))
+    assert not term.inherent(size, replace(LOOK, unit_s=60.0))
+    within = size / size.max() * 0.3
+    assert term.inherent(within, LOOK)
+    if slug != "dead_time":  # the clocks of two tags may differ by a sample
+        assert not term.inherent(within, replace(LOOK, unit_s=60.0))

@@ -23,6 +23,7 @@ S, J = 4.0123, 1.2071  # no step of the signals divides them
 LOOK = RecordingSummary(
     interval_s=1.0,
     duration_s=3600.0,
+    unit_s=1.0,
     op_low=25.0,
     op_high=75.0,
     mv_low=26.0,

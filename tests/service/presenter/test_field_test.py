@@ -110,7 +110,7 @@ def test_every_number_of_an_effect_has_words(slug: str) -> None:
     term = catalogue()[slug]
     summary = RecordingSummary(
         interval_s=1.0, duration_s=3600.0, op_low=30.0, op_high=60.0, mv_low=30.0, mv_high=60.0,
-        sigma=0.05, S=1.0, J=0.5,
+        unit_s=1.0, sigma=0.05, S=1.0, J=0.5,
     )  # fmt: skip
     names = term.parameters(np.asarray(term.starts(summary))[0])
     for name in names:
