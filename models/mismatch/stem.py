@@ -30,8 +30,7 @@ import numpy as np
 from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 
-# Order of the numbers (20,) of a stem. They and the places are compiled into ``kernel``, whose
-# cache does not notice a change here: clear it, or save ``kernel`` as well.
+# Order of the numbers (20,) of a stem.
 (
     S,
     J,
