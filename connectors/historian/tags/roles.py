@@ -70,7 +70,7 @@ def _propose(
     valve = name.loop or stem
     described = described_role(candidate.description)
     if name.word == "mv":
-        return _propose_mv(replace(candidate, valve=valve), described, mv_is_output)
+        return _propose_mv(replace(candidate, valve=valve), described, everyone, mv_is_output)
     if name.word == "cv":
         return _propose_cv(replace(candidate, valve=valve), everyone)
     role = name.role
@@ -102,20 +102,38 @@ def described_role(description: str) -> Role | None:
     return hits.pop() if len(hits) == 1 else None
 
 
-def _propose_mv(candidate: Candidate, described: Role | None, mv_is_output: bool) -> Candidate:
+def _propose_mv(
+    candidate: Candidate,
+    described: Role | None,
+    everyone: Sequence[Candidate],
+    mv_is_output: bool,
+) -> Candidate:
     if described is Role.OP:
         evidence = "by the layout and " if mv_is_output else "by "
         reason = (
             f"MV is the controller output here, {evidence}its description {candidate.description!r}"
         )
         return replace(candidate, role=Role.OP, remark=reason)
+    if (
+        not (mv_is_output or candidate.name.loop)
+        and described in (None, Role.MV)
+        and candidate.unit in ("", PERCENT)
+        and {Role.OP, Role.PV} <= _roles_of_its_loop(candidate, everyone)
+    ):
+        # Columns that somebody named by hand as the literature does. It is neither the manipulated
+        # variable nor the measured value, which have columns of their own.
+        reason = "MV beside columns OP and PV: the valve position"
+        return replace(candidate, role=Role.MV, remark=reason)
     return replace(candidate, remark=_ASK_MV)
 
 
+def _roles_of_its_loop(candidate: Candidate, everyone: Sequence[Candidate]) -> set[Role | None]:
+    """The roles that the tags of the candidate's loop have by their names."""
+    return {other.name.role for other in everyone if other.name.loop == candidate.name.loop}
+
+
 def _propose_cv(candidate: Candidate, everyone: Sequence[Candidate]) -> Candidate:
-    roles_of_loop = {
-        other.name.role for other in everyone if other.name.loop == candidate.name.loop
-    }
+    roles_of_loop = _roles_of_its_loop(candidate, everyone)
     if (
         candidate.unit == PERCENT
         and roles_of_loop & {Role.MV, Role.PV}

@@ -64,6 +64,19 @@ def test_bare_mv_is_never_guessed(open_text) -> None:
     assert Role.MV not in propose_valves(source)[0].tags
 
 
+def test_columns_called_just_op_mv_and_pv_leave_no_doubt() -> None:
+    """MV is neither of the other two then; without a PV, in a unit of flow or as a measured value
+    by its description it may be one, and tags of a system keep their doubt."""
+    assert roles_of(("OP", "", ""), ("MV", "", ""), ("PV", "", ""))["MV"] is Role.MV
+    assert roles_of(("OP", "", ""), ("MV", "%", ""), ("PV", "t/h", ""))["MV"] is Role.MV
+    assert roles_of(("OP", "", ""), ("MV", "", ""))["MV"] is None
+    assert roles_of(("MV", "", ""), ("PV", "", ""))["MV"] is None
+    assert roles_of(("OP", "", ""), ("MV", "t/h", ""), ("PV", "t/h", ""))["MV"] is None
+    assert roles_of(("OP", "", ""), ("MV", "", "measured value"), ("PV", "", ""))["MV"] is None
+    named = roles_of(("F1.OP", "", ""), ("F1.MV", "", ""), ("F1.PV", "", ""))
+    assert named["F1.MV"] is None
+
+
 def test_description_confirms_or_contradicts() -> None:
     """A description makes .MV the output, and a contradiction takes a role away."""
     assert roles_of(("A.MV", "", "Feed_OP"))["A.MV"] is Role.OP
