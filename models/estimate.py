@@ -68,6 +68,6 @@ def _digits(value: float) -> str:
     decimals of all three: 5.23 (4.70 to 5.95), 0.008 (0.000 to 0.201). Where all are very large or
     very small, three digits each."""
     size = abs(value)
-    if not 0.1 <= size < 1000.0:
+    if not 0.1 <= size < 1e5:
         return ".3g"
     return f".{3 if size < 1.0 else 2 if size < 10.0 else 1 if size < 100.0 else 0}f"

@@ -188,7 +188,8 @@ class SpokenEstimate(Estimate):
         if in_seconds.value is None or is_of_seconds(self.unit_s):
             return str(in_seconds)
         if self.unit == "s":
-            factor, unit = _said_in(in_seconds.value, self.unit_s)
+            longest = max(in_seconds.value, in_seconds.high or 0.0)
+            factor, unit = _said_in(longest, self.unit_s)
         elif self.unit == "%/s":
             factor, unit = _speed_said_in(in_seconds.value, self.unit_s)
         else:

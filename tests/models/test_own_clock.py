@@ -261,3 +261,6 @@ def test_an_estimate_is_compared_in_own_units_and_said_in_true_ones():
     assert (3.6, "3.60 (3.20 to 4.00) ms") == (spoken.value, str(spoken))
     close(estimate_in_seconds(estimate, 0.001).high, 0.004)
     assert str(estimate) == str(SpokenEstimate.of(estimate, 1.0))
+    wide = Estimate(value=9.9, low=8.3, high=11.4, unit="s")
+    assert str(SpokenEstimate.of(wide, 0.1)) == "0.99 (0.83 to 1.14) s"
+    assert str(SpokenEstimate.of(wide, 0.01)) == "99 (83 to 114) ms"
