@@ -296,9 +296,7 @@ def _begin_apart(valves: Sequence[RankedValve]) -> bool:
 
 def _verdicts(ranking: Ranking) -> str:
     """How many recordings there are of each verdict."""
-    from stemwatch.service.report.ranking import count_verdicts
-
-    counts = count_verdicts(ranking)
+    counts = ranking.recordings_of
     said = ", ".join(f"{count} {verdict.value}" for verdict, count in counts.items() if count)
     return (
         f"Of the recordings: {said}" if ranking.counts.recordings > ranking.counts.valves else said
