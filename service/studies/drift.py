@@ -13,7 +13,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from stemwatch.models.estimate import Estimate
+from stemwatch.models.estimate import NORMAL_95, Estimate
 from stemwatch.models.narx.baseline import BaselineScore, score_baseline
 from stemwatch.models.narx.example import NarxExample, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
@@ -266,7 +266,6 @@ def scores(followed: Sequence[Followed], *fates: ValveFate) -> list[float]:
     return [valve.score for valve in followed if valve.way in fates and valve.score is not None]
 
 
-_NORMAL_95 = 1.959964
 _BESIDE = 1e-9  # far below one pair in the largest groups
 
 
@@ -296,7 +295,7 @@ def _newcombe(rate: float, m: int, n: int) -> tuple[float, float]:
         return area * (1 - area) * spread / (m * n)
 
     def excess(area: float) -> float:
-        return (rate - area) ** 2 - _NORMAL_95**2 * variance(area)
+        return (rate - area) ** 2 - NORMAL_95**2 * variance(area)
 
     # The excess is below zero next to ``rate``, above it at the far end, and 0 at ``rate`` itself
     # where that is 0 or 1: the search begins beside it.
