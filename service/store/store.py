@@ -449,11 +449,6 @@ class Store:
         with self.transactions.reading("reading the oscillations of loops") as session:
             return oscillations.read_oscillations(session, now)
 
-    def oscillations_of_run(self, run_id: int) -> list[OscillationGroup]:
-        """The groups that a run found, those with most loops moved first, without pictures."""
-        with self.transactions.reading("reading the oscillations of a run") as session:
-            return oscillations.read_groups_of_run(session, run_id)
-
     def oscillations_of(self, loop: str, now: datetime) -> list[OscillationGroup]:
         """The groups that oscillate at present of which ``loop`` is a member, without pictures."""
         with self.transactions.reading("reading the oscillations of a loop") as session:
