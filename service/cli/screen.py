@@ -140,7 +140,7 @@ def _run(
 
     # Imported only now, while the server process of the workers does its own imports.
     from stemwatch.models.limits import Limits
-    from stemwatch.service.cli import views
+    from stemwatch.service.cli import screening_views, views
     from stemwatch.service.report.ranking import rank_valves
     from stemwatch.service.run.engine import RunNow, screen_now
     from stemwatch.service.store.database_url import DatabaseUrl
@@ -153,7 +153,7 @@ def _run(
     with (
         _nothing_left_of_nothing(out, address),
         open_store(address) as store,
-        views.screening_progress(request.zone) as on_screened,
+        screening_views.screening_progress(request.zone) as on_screened,
     ):
         how_to_run = RunNow(
             store=store,
@@ -202,15 +202,15 @@ def _nothing_left_of_nothing(out: Path, address: DatabaseUrl) -> Iterator[None]:
 
 def show(result: RunResult, ranking: Ranking, json_file: Path | None) -> None:
     """The summary, what was left out, and where report, PDF and work orders are."""
-    from stemwatch.service.cli import views
+    from stemwatch.service.cli import screening_views, views
     from stemwatch.service.maintenance.write_maintenance import ORDERS_XLSX, PDF
 
     groups = result.context.groups
-    views.out.print(views.summary(ranking))
+    views.out.print(screening_views.summary(ranking))
     for line in (
-        *views.undetermined_lines(result.brief, groups),
-        *views.oscillation_lines(groups),
-        *views.signal_lines(result.brief),
+        *screening_views.undetermined_lines(result.brief, groups),
+        *screening_views.oscillation_lines(groups),
+        *screening_views.signal_lines(result.brief),
     ):
         views.out.print(line, highlight=False)
     if result.outside_window:
