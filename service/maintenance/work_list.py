@@ -10,7 +10,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.valve_history import NOTHING_KNOWN, ValveHistory
 from stemwatch.service.maintenance.work_compared import WorkCompared, newest_first
 from stemwatch.service.maintenance.work_sheet import WorkSheet, brief_of, work_sheet_of
-from stemwatch.service.presenter.work_decision import WorkCounts
+from stemwatch.service.presenter.work_counts import WorkCounts
 from stemwatch.service.report.ranking import rank_valves
 from stemwatch.service.report.report_context import ReportContext
 

@@ -26,12 +26,8 @@ from stemwatch.service.presenter.suspicion_words import next_steps
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.urgency import Priority, UrgencyKey, priority_of, urgency_of
 from stemwatch.service.presenter.wording import instant, printable
-from stemwatch.service.presenter.work_decision import (
-    WorkCounts,
-    WorkDecision,
-    count_valves,
-    decide,
-)
+from stemwatch.service.presenter.work_counts import WorkCounts, count_valves
+from stemwatch.service.presenter.work_decision import WorkDecision, decide
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.charts.valve_plots import ValvePlots
 from stemwatch.service.report.report_context import ReportContext, ValveFacts

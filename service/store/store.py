@@ -21,7 +21,7 @@ from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evide
 from stemwatch.service.presenter.plant_path import PartOfPlant
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.unexplained_fall import UnexplainedFall
-from stemwatch.service.presenter.work_decision import WorkCounts
+from stemwatch.service.presenter.work_counts import WorkCounts
 from stemwatch.service.store.accounts.api_tokens import ApiTokens
 from stemwatch.service.store.accounts.audit import AuditLog
 from stemwatch.service.store.accounts.browser_sessions import WebSessions

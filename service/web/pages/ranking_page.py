@@ -21,7 +21,7 @@ from stemwatch.service.presenter.suspicion_words import (
     suspected_sentence,
 )
 from stemwatch.service.presenter.urgency import CLASSES_IN_WORDS
-from stemwatch.service.presenter.work_decision import WorkCounts
+from stemwatch.service.presenter.work_counts import WorkCounts
 from stemwatch.service.report.bars import bar_top
 from stemwatch.service.report.change_since_last_run import change_since_last_run
 from stemwatch.service.store.screenings.ranking import (
