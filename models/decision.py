@@ -68,8 +68,6 @@ FASTER = (
     "Have OP and position archived faster, without averages and exception reports, and screen it "
     "again."
 )
-
-
 MORE = " (and {} more, see data quality)"  # obstacles that the sentence does not name
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+NORMAL_95 = 1.959964  # standard deviations either way that hold 95 % of a normal distribution
+
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:

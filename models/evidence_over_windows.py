@@ -36,7 +36,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from stemwatch.models.estimate import Estimate
+from stemwatch.models.estimate import NORMAL_95, Estimate
 from stemwatch.models.mismatch.acceptance_limits import HARDER, NULL_RATE
 from stemwatch.models.mismatch.findings import Effect, EffectScore, Mismatch, Stiction
 from stemwatch.models.recording import PERCENT, Floats
@@ -64,7 +64,6 @@ FEWEST_WITHOUT = 3  # consecutive windows without it, before a confirmed effect 
 # hold the truth in routine records, and 106 of 118 in those of all kinds; with 0.7 66 and 100
 # (development seeds 4065 and 4066).
 SHARED = 0.9
-_NORMAL_95 = 1.959964
 
 
 class FindingState(StrEnum):
@@ -386,9 +385,9 @@ def _pooled(estimates: Sequence[Estimate | None]) -> Estimate | None:
     values = np.array([estimate.value for estimate in known_estimates], dtype=np.float64)
     errors = np.array(
         [(estimate.high or 0.0) - (estimate.low or 0.0) for estimate in known_estimates]
-    ) / (2.0 * _NORMAL_95)
+    ) / (2.0 * NORMAL_95)
     mean, error = _random_effects(values, np.maximum(errors, 1e-6))
-    reach = _NORMAL_95 * math.hypot(error, SHARED * float(np.median(errors)))
+    reach = NORMAL_95 * math.hypot(error, SHARED * float(np.median(errors)))
     return Estimate(value=mean, low=max(mean - reach, 0.0), high=mean + reach, unit=PERCENT)
 
 

@@ -72,7 +72,7 @@ def position_obstacles(recording: Recording) -> list[Obstacle]:
                 "there is no valve position in this recording, and what OP and PV alone say "
                 "is no verdict",
                 "Record the position (positioner feedback, position transmitter), or do a "
-                "stroke test: step OP by 1 % up and down and watch for the stem.",
+                "stroke test: step OP by 1 % up and down and watch the stem.",
             )
         ]
     return (
@@ -289,7 +289,7 @@ def length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
             Obstacle(
                 "bad_samples",
                 f"{share(bad)} of the samples are missing or marked bad",
-                "Mend the archive or the transmitter, or choose another time window.",
+                "Repair the archive or the transmitter, or choose another time window.",
             )
         )
     fitted = int(np.sum(scored_samples(recording)))
@@ -299,8 +299,8 @@ def length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
                 "broken_up",
                 f"holes break the recording into pieces too short to fit: {fitted} samples are "
                 f"more than {duration(WARM_UP_S, recording.unit_s)} after a hole",
-                f"Export at least {limits.min_samples:.0f} samples without holes, or mend the "
-                "archive.",
+                f"Export at least {limits.min_samples:.0f} samples without holes, or repair "
+                "the archive.",
             )
         )
     return obstacles

@@ -230,7 +230,7 @@ def _one_or_reason(
     try:
         return one_recording(frame, replace(inputs, valve=name) if name else inputs)
     except ConnectorError as error:
-        advice = "Mend the frame or the names of its columns; the other valves are not affected."
+        advice = "Correct the frame or the names of its columns; the other valves are not affected."
         return failed(
             name or f"entry {position}", str(error), advice, Provenance(source="DataFrame")
         )

@@ -22,7 +22,7 @@ from stemwatch.service.presenter.finding import PresentedFinding, present
 from stemwatch.service.presenter.physics_words import FINDING_TITLE
 from stemwatch.service.presenter.wording import VERDICT_SYMBOL, finite, printable, share
 from stemwatch.service.report.json_contract import to_contract
-from stemwatch.service.report.ranking import count_verdicts, rank_valves
+from stemwatch.service.report.ranking import Ranking, rank_valves
 from stemwatch.service.report.report_context import ReportContext
 from stemwatch.service.report.spreadsheet_columns import header_and_rows
 
@@ -291,13 +291,13 @@ class ScreenedValves(_Valves[ScreenedValve]):
         """The objects of ``valves.json``, the most urgent first (docs/json.md)."""
         return [valve.to_dict() for valve in self.ranked()]
 
-    def _ranking(self) -> Any:
+    def _ranking(self) -> Ranking:
         return rank_valves([valve.screening for valve in self], self._context)
 
     def __repr__(self) -> str:
         if len(self) == 1:
             return repr(self[0])
-        counts = count_verdicts(self._ranking())
+        counts = self._ranking().recordings_of
         verdicts = ", ".join(f"{n} {verdict.value}" for verdict, n in counts.items() if n)
         lines = [f"{len(self)} valves: {verdicts}" if verdicts else f"{len(self)} valves"]
         first_valves = self.ranked()[:_MOST_LISTED]

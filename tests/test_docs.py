@@ -18,6 +18,7 @@ from pydantic import BaseModel
 
 from stemwatch.connectors.historian.connector import TextExportSettings
 from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.narx.example import NarxSettings
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
@@ -203,6 +204,15 @@ def test_every_indicator_of_a_screening_is_described() -> None:
 def test_every_verdict_and_shape_is_explained(word: Verdict | Shape, page: str) -> None:
     """A word that a report may hold stands in the method and in the contract."""
     assert word.value in _page(page)
+
+
+def test_every_effect_that_can_be_named_is_described() -> None:
+    """The catalogue of docs/explain.md has each term and no other, in the words of pages."""
+    section = _page("explain.md").split("## The catalogue\n")[1].split("\n## ")[0]
+    described = dict(re.findall(r"^\| `(\w+)` \| (.+) \|$", section, re.MULTILINE))
+    assert described == {slug: term.words.plain for slug, term in catalogue().items()}
+    readme = (REPOSITORY / "README.md").read_text("utf-8")
+    assert f"[{len(described)} effects](docs/explain.md#the-catalogue)" in readme
 
 
 def test_every_verdict_is_explained_in_the_readme() -> None:

@@ -22,16 +22,15 @@ from stemwatch.connectors.connector import (
     nearest_names,
 )
 from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.parquet.catalog import ENDINGS
 from stemwatch.connectors.settings import Name
 from stemwatch.models.recording import Recording, Role
 
 if TYPE_CHECKING:
     from stemwatch.connectors.archive.valve_columns import ValveColumns
-    from stemwatch.connectors.historian.reading_notes import ReadingNotes
     from stemwatch.connectors.historian.values.columns import Column
 
 _DEFAULTS = ReadOptions()
-_ENDINGS = (".parquet", ".parq", ".pq")
 
 
 @dataclass(frozen=True)
@@ -196,11 +195,12 @@ class ParquetArchive:
             columns=columns,
             in_utc=zone_is_known,
             zone=zone,
-            decisions=[*notes.decisions, *self._problem_sentences(notes)],
+            decisions=[*notes.decisions, *self._held_values()],
             problems=notes.problems,
         )
 
-    def _problem_sentences(self, notes: ReadingNotes) -> list[str]:
+    def _held_values(self) -> list[str]:
+        """The sentence on values from before the window; none where none were read."""
         if not self.before_s:
             return []
         return [f"{self.before_s:g} s before the window were read for values that still held."]
@@ -240,11 +240,11 @@ def is_parquet(path: str | os.PathLike[str]) -> bool:
     """Whether a path names a Parquet file, or a folder with one in it and below."""
     location = Path(path)
     if location.is_file():
-        return location.name.lower().endswith(_ENDINGS)
+        return location.name.lower().endswith(ENDINGS)
     if not location.is_dir():
         return False
     return any(
-        path.name.lower().endswith(_ENDINGS) for path in location.rglob("*") if path.is_file()
+        path.name.lower().endswith(ENDINGS) for path in location.rglob("*") if path.is_file()
     )
 
 
@@ -256,7 +256,7 @@ def split_archives(sources: Sequence[str]) -> tuple[list[str], list[str]]:
     archives = [
         source
         for source in sources
-        if is_parquet(source) or (source.lower().endswith(_ENDINGS) and not Path(source).exists())
+        if is_parquet(source) or (source.lower().endswith(ENDINGS) and not Path(source).exists())
     ]
     return archives, [
         source for source in sources if source not in archives or Path(source).is_dir()

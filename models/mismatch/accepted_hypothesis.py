@@ -21,7 +21,6 @@ from stemwatch.models.mismatch.acceptance_limits import (
 )
 from stemwatch.models.mismatch.air_or_drag import or_air
 from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.bend_or_slope import BOW
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, curvature, search
 from stemwatch.models.mismatch.describe_effect import (
     Directions,
@@ -64,6 +63,7 @@ from stemwatch.models.mismatch.reading_errors import (
     values_of,
     without_error,
 )
+from stemwatch.models.mismatch.reading_rivals import BOW
 from stemwatch.models.mismatch.shaken_stem import Shaking
 from stemwatch.models.mismatch.sticking_by_likelihood import sticking_by_likelihood
 from stemwatch.models.mismatch.term import ActsOn, Term
@@ -516,7 +516,7 @@ def _effects(
         for needed in named.needed
     ]
     for reading in reading_errors:
-        share = _share(evaluator, reading.without, named.fitted)
+        share = _share(reading.without, named.fitted)
         error = effect(
             evaluator,
             reading.term,
@@ -551,7 +551,7 @@ def _needed_effect(
         best[coordinate_slice],
         candidate_draws[:, coordinate_slice],
         needed.advantage,
-        _share(named.evaluator, needed.without, named.fitted),
+        _share(needed.without, named.fitted),
         (needed.without.layout, needed.without.candidates.mean(axis=0)),
         in_directions,
     )
@@ -570,7 +570,7 @@ def _matters(effect: Effect) -> bool:
     )
 
 
-def _share(evaluator: Evaluator, before: Fitted, after: Fitted) -> float:
+def _share(before: Fitted, after: Fitted) -> float:
     """The share of the held-out loss that goes."""
     return float(np.clip(1.0 - after.heldout.sum() / max(before.heldout.sum(), 1e-12), -1.0, 1.0))
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
@@ -18,17 +18,12 @@ from stemwatch.models.frozen import without_frozen
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import (
     chance,
-    noise_share,
-    remaining_loss,
-    short_record_factor,
-    strength,
 )
 from stemwatch.models.mismatch.accepted_hypothesis import (
     DELAY,
     STRAIGHT_LINE,
     AcceptedHypothesis,
     accepted_hypothesis,
-    of_the_valve,
 )
 from stemwatch.models.mismatch.base_fit import (
     fit_naive,
@@ -55,11 +50,9 @@ from stemwatch.models.mismatch.findings import (
 from stemwatch.models.mismatch.flow import as_position
 from stemwatch.models.mismatch.held_out import HeldOutComparison
 from stemwatch.models.mismatch.last_checks import checked
-from stemwatch.models.mismatch.named_by_likelihood import strongest_by_likelihood
 from stemwatch.models.mismatch.nothing_left_out import doubt, missed_breakaways
 from stemwatch.models.mismatch.prepared_recording import (
     PreparedRecording,
-    admissible,
     prepare,
     problem_of,
     why_not,
@@ -84,8 +77,6 @@ from stemwatch.models.mismatch.stiction import (
     stiction,
 )
 from stemwatch.models.mismatch.term import ActsOn
-from stemwatch.models.mismatch.term_pairs import strongest_pair
-from stemwatch.models.mismatch.term_selection import TermScore, lacking, name_terms
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.terms.dead_time import about_a_sample
 from stemwatch.models.mismatch.tried_effects import scores_of, what_was_tried
@@ -541,52 +532,4 @@ def _not_testable(measured: MeasuredRecord, reason: str) -> Mismatch:
         reason,
         record_effects=measured.effects,
         not_testable=tuple(Untestable(slug=slug, reason=reason) for slug in catalogue()),
-    )
-
-
-@dataclass(frozen=True)
-class NullScores:
-    """What chance alone reaches on one recording in which nothing is hidden.
-
-    ``terms``: mean, t and strength of the advantage of every admissible term over the base alone;
-    ``pair``: the strength of the weaker of two beside the other, of the pair in which it is
-    largest, 0 where no pair was worth a look. ``left``: what S and J leave in the worst tenth of
-    the blocks, in noise variances, over the square of what a short record allows; ``noise`` is a
-    share of the breakaway level. ``likelihood``: the strength of the strongest term by the
-    likelihood of the whole record.
-    """
-
-    terms: dict[str, tuple[float, float, float]]
-    pair: float
-    left: float = 0.0
-    noise: float = 0.0
-    likelihood: float = 0.0
-
-
-def scores(recording: Recording) -> NullScores:
-    """The scores of one recording in which nothing is hidden, from which limits are calibrated; no
-    terms where nothing can be fitted.
-    """
-    recording = on_own_clock(recording)
-    measured = measured_record(recording)
-    if why_not(recording, measured) is not None:
-        return NullScores({}, 0.0)
-    case = prepare(recording, measured, None, problem_of(recording, measured))
-    terms = of_the_valve(admissible(case.refused))
-    named = name_terms(case.base, terms)
-    evaluator, counts = named.evaluator, named.evaluator.measured_counts
-    first: tuple[TermScore, ...] = named.stages[0].scores
-    return NullScores(
-        terms={
-            score.slug: (
-                score.advantage.mean,
-                score.advantage.t,
-                strength(score.advantage, counts, score.slug),
-            )
-            for score in first
-        },
-        pair=strongest_pair(named, terms),
-        left=remaining_loss(evaluator, named.base) / short_record_factor(counts) ** 2,
-        noise=noise_share(evaluator, named.base),
-        likelihood=strongest_by_likelihood(lacking(named, catalogue()), terms),
     )

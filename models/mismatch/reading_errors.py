@@ -18,11 +18,18 @@ from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import convincing
 from stemwatch.models.mismatch.base_fit import RESTICK_REACH
 from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.bend_or_slope import BOW, SPAN, bent_instead
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, gain, refit, scored
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
-from stemwatch.models.mismatch.sag_or_zero import SAG, ZERO, sags_instead
-from stemwatch.models.mismatch.span_or_zero import WHAT_TELLS, leans
+from stemwatch.models.mismatch.reading_rivals import (
+    BOW,
+    SAG,
+    SPAN,
+    WHAT_TELLS,
+    ZERO,
+    bent_instead,
+    leans,
+    sags_instead,
+)
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.term_selection import AS_GOOD
 from stemwatch.models.mismatch.terms.flow_force import OWN_SLOPE
@@ -33,7 +40,7 @@ from stemwatch.models.stickslip.parameters import Bounds
 # Coordinate of each, and the largest value that is not material.
 COORDINATES = {
     SPAN: (base_coordinate.GAIN, 0.0),
-    "zero_shift": (base_coordinate.ZERO, 0.0),
+    ZERO: (base_coordinate.ZERO, 0.0),
     "low_speed_restick": (base_coordinate.RESTICK, 0.12),
 }
 # %/s, from which a stem that sticks again is compared with one that does at every speed: where it
@@ -88,7 +95,7 @@ def findings(
     offs: list[ReadingError] = []
     leaning = None if BOW in fitted.layout.places or FLOW in fitted.layout.places else fitted
     for slug, (coordinate, largest) in COORDINATES.items():
-        if slug not in terms or (slug == "zero_shift" and _explained(fitted, offs)):
+        if slug not in terms or (slug == ZERO and _explained(fitted, offs)):
             continue
         if slug == SPAN and BOW in fitted.layout.places:
             continue  # how much of the slope belongs to the bow cannot be told

@@ -128,7 +128,7 @@ def thinned_loop(
     none = np.full(len(recording), np.nan)
 
     def thinned(values: Floats, usable: NDArray[np.bool_]) -> Small:
-        return _block_means(np.where(usable, values, np.nan), stride).astype(np.float32)
+        return _means_of_finite(np.where(usable, values, np.nan), stride).astype(np.float32)
 
     return ThinnedLoop(
         loop=recording.valve,
@@ -143,7 +143,8 @@ def thinned_loop(
     )
 
 
-def _block_means(values: Floats, stride: int) -> Floats:
+def _means_of_finite(values: Floats, stride: int) -> Floats:
+    """(n // stride,) means of the finite values of each block; NaN where a block has none."""
     if stride == 1:
         return values
     blocks = values[: values.size // stride * stride].reshape(-1, stride)

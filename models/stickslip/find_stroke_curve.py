@@ -89,8 +89,8 @@ CHANGED_TO_PLAIN = (
     f"OP is percent for percent of travel now; in the window before it was not ({{before}}) {LOOK}"
 )
 NOT_AS_GIVEN = (
-    "The position does not follow the curve from OP to stroke that the plant file gives. Mend "
-    "stroke_curve there, or ask whether the positioner was set otherwise."
+    "The position does not follow the curve from OP to stroke that the plant file gives. "
+    "Correct stroke_curve there, or ask whether the positioner was set otherwise."
 )
 KNOTS = 33
 # Median absolute residual of a reading, percent of travel, from which another curve is tried.

@@ -58,8 +58,6 @@ _LONGER = (
     "with a portable transmitter."
 )
 _FASTER = "Export OP and PV raw and at a shorter interval, over at least ten swings of the loop."
-
-
 NOTHING_TO_DO = "Nothing to do at the valve on these grounds."
 _SCALE = "Give OP's values at 0 and 100 % in the plant file (low, high), and screen the loop again."
 

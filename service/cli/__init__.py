@@ -30,7 +30,6 @@ from stemwatch.service.cli.maintenance_report import maintenance_report
 from stemwatch.service.cli.miswiring import miswiring
 from stemwatch.service.cli.modbus import modbus_app
 from stemwatch.service.cli.plan_test import plan_test
-from stemwatch.service.cli.position_free import study_without_position
 from stemwatch.service.cli.prove import prove
 from stemwatch.service.cli.prove_weeks import prove_weeks
 from stemwatch.service.cli.reproduce import reproduce
@@ -41,6 +40,7 @@ from stemwatch.service.cli.simulate import simulate
 from stemwatch.service.cli.study_oscillations import study_oscillations
 from stemwatch.service.cli.study_twin import study_twin
 from stemwatch.service.cli.study_wear_forecast import study_wear_forecast
+from stemwatch.service.cli.study_without_position import study_without_position
 from stemwatch.service.cli.trial import trial
 from stemwatch.service.cli.twin import twin
 from stemwatch.service.cli.views import say_error

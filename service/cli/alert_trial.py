@@ -14,8 +14,6 @@ from stemwatch.service.cli import options as o
 if TYPE_CHECKING:
     from stemwatch.service.studies.alert_trial import Played
 
-DEVELOPED_WITH = (5151, 6161, 7171, 8181, 8383, 9393)
-
 
 def alert_trial(
     days: Annotated[int, typer.Option(min=2, max=366, help="Days, a window each.")] = 90,
@@ -43,8 +41,7 @@ def alert_trial(
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.studies.alert_trial import AlertPlan, play
 
-    if seed in DEVELOPED_WITH:
-        views.say(f"Seed {seed} was looked at while the rules were made: this is not blind.")
+    views.say_if_not_blind(seed)
     plan = AlertPlan(
         valves=valves,
         days=days,

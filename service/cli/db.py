@@ -113,12 +113,12 @@ def check(plant: PlantFile = None, db: Url = "") -> None:
 
     Changes nothing. Exit status 1 where something needs to be done.
     """
-    from stemwatch.service.cli import views
+    from stemwatch.service.cli import db_views, views
     from stemwatch.service.store.administration.check import check as look
 
     address = _address(plant, db)
     health = look(address)
-    views.out.print(views.health_table(str(address), health))
+    views.out.print(db_views.health_table(str(address), health))
     for note in health.notes:
         views.say_result(note)
     for problem in health.problems:
@@ -140,12 +140,12 @@ def backup(
     The service may go on: the file holds one instant. It holds names, remarks and the hashes of
     passwords: only its owner may read it.
     """
-    from stemwatch.service.cli import views
+    from stemwatch.service.cli import db_views, views
     from stemwatch.service.store.administration.backup import backup as carry
 
     address = _address(plant, db)
     carried = carry(address, file)
-    views.out.print(views.copied_table(f"{address} in {file}", carried))
+    views.out.print(db_views.copied_table(f"{address} in {file}", carried))
     views.say_next(
         f"keep {file} on another computer, and as private as the database. `stemwatch db restore` "
         "fills an empty database from it."
@@ -162,12 +162,12 @@ def restore(
 
     A database that holds anything is left alone: give a new one.
     """
-    from stemwatch.service.cli import views
+    from stemwatch.service.cli import db_views, views
     from stemwatch.service.store.administration.backup import restore as carry
 
     address = _address(plant, db)
     carried = carry(o.need_file(file, "FILE"), address)
-    views.out.print(views.copied_table(f"{file} in {address}", carried))
+    views.out.print(db_views.copied_table(f"{file} in {address}", carried))
     views.say_next(
         "give this database as storage.url, or in STEMWATCH_STORAGE_URL, and start the service."
     )
@@ -192,13 +192,13 @@ def copy(
     Rows are counted and compared by a digest, and all of them come or none. Stop the service
     first: what it writes meanwhile is not copied. The first database stays as it is.
     """
-    from stemwatch.service.cli import views
+    from stemwatch.service.cli import db_views, views
     from stemwatch.service.store.administration.backup import copy as carry
     from stemwatch.service.store.database_url import DatabaseUrl
 
     origin, target = _address(plant, db), DatabaseUrl(to)
     carried = carry(origin, target)
-    views.out.print(views.copied_table(f"{origin} in {target}", carried))
+    views.out.print(db_views.copied_table(f"{origin} in {target}", carried))
     views.say_result(f"Now give {target} as storage.url, or in STEMWATCH_STORAGE_URL.")
 
 
@@ -224,7 +224,7 @@ def prune(
 
     The running service removes old samples by itself. Baselines, notes and maintenance stay.
     """
-    from stemwatch.service.cli import views
+    from stemwatch.service.cli import db_views, views
     from stemwatch.service.store.administration import prune as pruning
     from stemwatch.service.store.store import open_existing_store
 
@@ -238,7 +238,7 @@ def prune(
         raise typer.BadParameter("give --samples-days, --results-days or --alerts-days")
     with open_existing_store(address) as store:
         went = pruning.prune(store, ages) if yes else pruning.would_prune(store, ages)
-    views.out.print(views.pruned_table(str(address), went, done=yes))
+    views.out.print(db_views.pruned_table(str(address), went, done=yes))
     if not yes and went.total:
         views.say_result("Nothing was removed; --yes does it. Make a backup first.")
     else:

@@ -60,15 +60,16 @@ def areas(followed: Sequence[Followed]) -> dict[str, Estimate]:
     The last one leaves out nothing: a valve that could not be scored raises no alarm, so it ranks
     below all that were.
     """
-    from stemwatch.service.studies.drift import HEALTHY, ValveFate, auc, scores
+    from stemwatch.service.studies.drift import HEALTHY, ValveFate, scores
+    from stemwatch.service.studies.roc import area_estimate
 
     growing = scores(followed, ValveFate.GROWING)
-    estimates = {fate.value: auc(scores(followed, fate), growing) for fate in HEALTHY}
-    estimates["both"] = auc(scores(followed, *HEALTHY), growing)
+    estimates = {fate.value: area_estimate(growing, scores(followed, fate)) for fate in HEALTHY}
+    estimates["both"] = area_estimate(growing, scores(followed, *HEALTHY))
     ranked = [(valve.way, valve.score or 0.0) for valve in followed]
-    estimates["both, a refusal being no alarm"] = auc(
-        [score for fate, score in ranked if fate in HEALTHY],
+    estimates["both, a refusal being no alarm"] = area_estimate(
         [score for fate, score in ranked if fate is ValveFate.GROWING],
+        [score for fate, score in ranked if fate in HEALTHY],
     )
     return estimates
 

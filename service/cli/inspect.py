@@ -81,7 +81,7 @@ def _inspect_exports(
     import json
 
     from stemwatch.connectors.historian.proposed_plant import plant_toml
-    from stemwatch.service.cli import views
+    from stemwatch.service.cli import inspection_views, views
 
     files = _files_of(file, options)
     seen = [(source.path, source.inspect()) for source in files]
@@ -96,9 +96,9 @@ def _inspect_exports(
     proposed = plant_toml(sources, _curves(files))
     if write is not None:
         write.write_text(proposed, encoding="utf-8")
-        views.say_plant_written(write)
+        inspection_views.say_plant_written(write)
         return
-    views.show_proposal(proposed)
+    inspection_views.show_proposal(proposed)
     views.say_next(
         "keep it with --write plant.toml, or screen the file itself: stemwatch screen FILE"
     )
@@ -128,18 +128,18 @@ def _files_of(file: Path, options: ReadOptions) -> list[HistorianFile]:
 
 def _show(inspections: Sequence[Inspection]) -> None:
     """Print the facts of each file, and its tags unless an earlier file has the same ones."""
-    from stemwatch.service.cli import views
+    from stemwatch.service.cli import inspection_views, views
 
     shown_tags: set[frozenset[str]] = set()
     for inspection in inspections:
         names = frozenset(tag.tag for tag in inspection.tags)
-        facts, tags = views.inspection_tables(inspection)
+        facts, tags = inspection_views.inspection_tables(inspection)
         views.out.print(facts)
         if names in shown_tags:
             continue
         shown_tags.add(names)
         views.out.print(tags)
-        for line in views.inspection_remarks(inspection):
+        for line in inspection_views.inspection_remarks(inspection):
             views.out.print(line, highlight=False)
 
 

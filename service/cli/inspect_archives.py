@@ -36,7 +36,7 @@ def inspect_archives(
         valves_of,
         valves_toml,
     )
-    from stemwatch.service.cli import views
+    from stemwatch.service.cli import inspection_views, views
     from stemwatch.service.config import load_plant
 
     if write is not None and write.resolve().parent != file.resolve().parent:
@@ -69,12 +69,12 @@ def inspect_archives(
         )
     proposed = "\n".join(lines[1:] if lines[:1] == [""] else lines) + "\n"
     if write is None:
-        views.show_proposal(proposed)
+        inspection_views.show_proposal(proposed)
         views.say_next(f"add this to {file}, or keep it with --write plant.toml")
         return
     whole = file.read_text(encoding="utf-8-sig").rstrip() + "\n\n" + proposed
     write.write_text(whole, encoding="utf-8")
-    views.say_plant_written(write)
+    inspection_views.say_plant_written(write)
 
 
 def _chosen(plant: Plant, file: Path, source: str) -> Mapping[str, ArchiveSettings]:

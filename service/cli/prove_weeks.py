@@ -14,8 +14,6 @@ from stemwatch.service.cli import options as o
 if TYPE_CHECKING:
     from stemwatch.service.studies.weeks import FollowedValve
 
-DEVELOPED_WITH = (5151, 6161, 7171, 8181, 8383, 9393)
-
 
 def prove_weeks(
     nulls: Annotated[int, typer.Option(min=0, max=2000, help="Valves with nothing hidden.")] = 10,
@@ -61,8 +59,7 @@ def prove_weeks(
             f"no concealment {concealment}; there are: {', '.join(CONCEALMENTS)}",
             param_hint="--concealment",
         )
-    if seed in DEVELOPED_WITH:
-        views.say(f"Seed {seed} was looked at while the rule was made: this is not blind.")
+    views.say_if_not_blind(seed)
     if keep is not None:
         keep.mkdir(parents=True, exist_ok=True)
     slugs = tuple(effect or PHYSICS)

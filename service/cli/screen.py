@@ -65,7 +65,15 @@ def screen(
     chosen = valves_in_part(request.plant, part_of(site, area, unit))
     request = replace(request, valves=request.valves or chosen)
     _need_prices(request.plant, rank_by)
-    ranking = _run(request, out, db, (workers, executor), new_baseline, json_file, rank_by)
+    ranking = _run(
+        request,
+        out,
+        (workers, executor),
+        db=db,
+        new_baseline=new_baseline,
+        json_file=json_file,
+        rank_by=rank_by,
+    )
     if fail_on is not None and _is_found(fail_on, ranking):
         raise typer.Exit(1)
 
@@ -98,25 +106,29 @@ def screen_plant(plant: Path, out: Path, workers: int | None, earlier: Sequence[
     from stemwatch.service.run.plan import Request
 
     request = Request(plant=loaded_plant(plant, None))
-    how = ("", (workers, "local"), False, None)
+    executor = (workers, "local")
     if earlier:
         before = replace(request, sources=tuple(str(path) for path in earlier))
-        _run(before, earlier[0].parent / "report", *how, said=False)
-    _run(request, out, *how)
+        _run(before, earlier[0].parent / "report", executor, is_shown=False)
+    _run(request, out, executor)
 
 
 def _run(
     request: Request,
     out: Path,
-    db: str,
     workers: tuple[int | None, str],
-    new_baseline: bool,
-    json_file: Path | None,
-    rank_by: RankBy = RankBy.VERDICT,
     *,
-    said: bool = True,
+    db: str = "",
+    new_baseline: bool = False,
+    json_file: Path | None = None,
+    rank_by: RankBy = RankBy.VERDICT,
+    is_shown: bool = True,
 ) -> Ranking:
-    """Screen, write the report and say what was found, in the order of the report."""
+    """Screen, write the report and show what was found, in the order of the report.
+
+    ``workers`` is how many there are and the address of their executor; the others are options of
+    ``screen``.
+    """
     from stemwatch.service.executors import LocalProcesses, choose_executor
     from stemwatch.service.process_lifecycle import expect_workers
 
@@ -128,7 +140,7 @@ def _run(
 
     # Imported only now, while the server process of the workers does its own imports.
     from stemwatch.models.limits import Limits
-    from stemwatch.service.cli import views
+    from stemwatch.service.cli import screening_views, views
     from stemwatch.service.report.ranking import rank_valves
     from stemwatch.service.run.engine import RunNow, screen_now
     from stemwatch.service.store.database_url import DatabaseUrl
@@ -141,7 +153,7 @@ def _run(
     with (
         _nothing_left_of_nothing(out, address),
         open_store(address) as store,
-        views.screening_progress(request.zone) as on_screened,
+        screening_views.screening_progress(request.zone) as on_screened,
     ):
         how_to_run = RunNow(
             store=store,
@@ -156,11 +168,11 @@ def _run(
     # What sticking costs is not in the brief screenings.
     screenings = result.brief if rank_by is RankBy.VERDICT else result.screenings
     ranking = rank_valves(screenings, result.context)
-    if said:
+    if is_shown:
         show(result, ranking, json_file)
     # What a plant file says of its sources holds for all their files; the report names those that
     # did without.
-    if request.sources and said:
+    if request.sources and is_shown:
         say_reading_remarks(screening.provenance for screening in result.brief)
     return ranking
 
@@ -190,15 +202,15 @@ def _nothing_left_of_nothing(out: Path, address: DatabaseUrl) -> Iterator[None]:
 
 def show(result: RunResult, ranking: Ranking, json_file: Path | None) -> None:
     """The summary, what was left out, and where report, PDF and work orders are."""
-    from stemwatch.service.cli import views
+    from stemwatch.service.cli import screening_views, views
     from stemwatch.service.maintenance.write_maintenance import ORDERS_XLSX, PDF
 
     groups = result.context.groups
-    views.out.print(views.summary(ranking))
+    views.out.print(screening_views.summary(ranking))
     for line in (
-        *views.undetermined_lines(result.brief, groups),
-        *views.oscillation_lines(groups),
-        *views.signal_lines(result.brief),
+        *screening_views.undetermined_lines(result.brief, groups),
+        *screening_views.oscillation_lines(groups),
+        *screening_views.signal_lines(result.brief),
     ):
         views.out.print(line, highlight=False)
     if result.outside_window:

@@ -289,7 +289,7 @@ def _report_orphans(reading: PlantReading) -> None:
         problem = reading.source_places[source].problem(
             (),
             f"a source that is wrong, so its {len(valves)} valves are left out ({valve_list})",
-            "the mistakes in this source to be mended",
+            "the mistakes in this source to be corrected",
         )
         reading.problems.append(problem)
 

@@ -7,7 +7,6 @@ copy of a copy is readable.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -19,6 +18,7 @@ from markupsafe import Markup, escape
 from stemwatch.models.recording import Floats
 from stemwatch.models.runs_of_samples import runs_of
 from stemwatch.service.presenter.wording import printable
+from stemwatch.service.report.charts.axes import ticks
 
 Point = tuple[float, float]  # points, y downwards from the top
 Anchor = Literal["start", "middle", "end"]
@@ -203,11 +203,11 @@ class Panel:
         right, foot = self.left + self.width, self.top + self.height
         box = ((self.left, self.top), (right, self.top), (right, foot), (self.left, foot))
         marks: list[Mark] = [DrawnLine((*box, box[0]), width=0.5, grey=0.3)]
-        for value in ticks(self.x0, self.x1):
+        for value in ticks(self.x0, self.x1, about=6):
             x = self.x(value)
             marks.append(DrawnLine(((x, foot), (x, foot + 2.5)), width=0.5, grey=0.3))
             marks.append(DrawnText((x, foot + 9.5), tick_text(value), TICK_SIZE, "middle"))
-        for value in ticks(self.y0, self.y1, most_ticks=5):
+        for value in ticks(self.y0, self.y1, about=5):
             y = self.y(value)
             marks.append(DrawnLine(((self.left - 2.5, y), (self.left, y)), width=0.5, grey=0.3))
             marks.append(DrawnText((self.left - 4.0, y + 2.3), tick_text(value), TICK_SIZE, "end"))
@@ -246,26 +246,6 @@ def span(*traces: Floats) -> tuple[float, float]:
     low, high = float(finite.min()), float(finite.max())
     spare = max(0.05 * (high - low), 0.5 if high - low < 0.5 else 0.0, 1e-6 * abs(high))
     return low - spare, high + spare
-
-
-def equally_long(
-    x: tuple[float, float], y: tuple[float, float], width_by_height: float
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Both ranges, widened so that one percent has the same length on either axis."""
-    wider = max(x[1] - x[0], width_by_height * (y[1] - y[0]))
-    middle_x, middle_y = (x[0] + x[1]) / 2.0, (y[0] + y[1]) / 2.0
-    half_x, half_y = wider / 2.0, wider / width_by_height / 2.0
-    return (middle_x - half_x, middle_x + half_x), (middle_y - half_y, middle_y + half_y)
-
-
-def ticks(low: float, high: float, most_ticks: int = 6) -> list[float]:
-    """At most ``most_ticks`` round numbers between ``low`` and ``high``, evenly apart."""
-    rough = (high - low) / most_ticks
-    power = 10.0 ** math.floor(math.log10(rough))
-    step = next(power * k for k in (1, 2, 2.5, 5, 10) if power * k >= rough)
-    first = math.ceil(low / step)
-    last = math.floor(high / step)
-    return [k * step for k in range(first, last + 1)]
 
 
 def tick_text(value: float) -> str:

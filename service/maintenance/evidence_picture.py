@@ -17,10 +17,10 @@ from stemwatch.service.maintenance.drawing import (
     DrawnText,
     Mark,
     Panel,
-    equally_long,
     span,
 )
 from stemwatch.service.presenter.wording import instant, printable
+from stemwatch.service.report.charts.axes import equally_long
 from stemwatch.service.report.charts.loop_shapes import BAND, CURVE, LoopShapes, loop_shapes
 from stemwatch.service.report.charts.thinning import extreme_samples
 from stemwatch.service.report.charts.typical_stretch import typical_stretch_of

@@ -14,10 +14,10 @@ from stemwatch.service.maintenance.drawing import (
     DrawnText,
     Mark,
     Panel,
-    equally_long,
     span,
 )
 from stemwatch.service.presenter.wording import span_percent
+from stemwatch.service.report.charts.axes import equally_long
 from stemwatch.service.report.charts.small_plot import SmallPlot
 from stemwatch.service.report.charts.window_pictures import (
     WindowLoop,

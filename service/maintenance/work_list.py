@@ -10,8 +10,8 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.valve_history import NOTHING_KNOWN, ValveHistory
 from stemwatch.service.maintenance.work_compared import WorkCompared, newest_first
 from stemwatch.service.maintenance.work_sheet import WorkSheet, brief_of, work_sheet_of
-from stemwatch.service.presenter.work_decision import WorkCounts
-from stemwatch.service.report.ranking import discovered, rank_valves
+from stemwatch.service.presenter.work_counts import WorkCounts
+from stemwatch.service.report.ranking import rank_valves
 from stemwatch.service.report.report_context import ReportContext
 
 
@@ -90,7 +90,7 @@ def work_list_of(
         others=tuple(without.values()),
         counted=ranked.counts,
         context=context,
-        discovered=discovered(ranked, context).sentence,
+        discovered=ranked.discovered.sentence,
         done=newest_first(works),
         worked=len(works),
         run=background.run,

@@ -9,10 +9,10 @@ import numpy as np
 
 from stemwatch.models.recording import Floats, Role
 from stemwatch.models.studies.simulator import PlantLoop
+from stemwatch.models.studies.simulator.historian import SUFFIX
 
 STRIDE = 10  # registers of one loop; the last one is spare
 PLACE = {Role.OP: 0, Role.MV: 2, Role.PV: 4, Role.SP: 6, Role.MODE: 8}
-SUFFIX = {Role.OP: "OP", Role.MV: "ZT", Role.PV: "PV", Role.SP: "SP", Role.MODE: "MODE"}
 MOST_LOOPS = 65_536 // STRIDE
 
 

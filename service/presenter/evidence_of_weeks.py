@@ -155,13 +155,13 @@ class EvidenceOfWeeks:
 def evidence_of_weeks(windows: Iterable[WindowEvidence]) -> EvidenceOfWeeks | None:
     """The joint evidence of ``windows`` of one valve; ``None`` where no effect was tested in
     them."""
-    count_text = windows_that_count(windows)
-    findings = lasting_findings(count_text)
+    counting = tuple(windows_that_count(windows))
+    findings = lasting_findings(counting)
     if not findings:
         return None
     any_holds = any(finding.holds for finding in findings)
-    pooled = pooled_stiction(count_text, findings) if any_holds else None
-    return EvidenceOfWeeks(windows=tuple(count_text), findings=findings, pooled=pooled)
+    pooled = pooled_stiction(counting, findings) if any_holds else None
+    return EvidenceOfWeeks(windows=counting, findings=findings, pooled=pooled)
 
 
 def finding_sentence(finding: LastingFinding, zone: tzinfo = UTC) -> str:

@@ -45,6 +45,10 @@ ALIKE_SHARE = 0.2  # times of both directions that differ by less are given as o
 NAIVE_SHARE = 1 / 3
 SMALLEST_NAIVE_STEP_PERCENT = 0.2
 _NAIVE_SAID = "S and J alone"
+NAMED_BY_CHANCE = (
+    "What is said beside friction is held back: among all valves of this run chance alone may have "
+    "named it."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,12 +87,6 @@ class PresentedEffect:
     def in_short(self) -> str:
         """What was found and what to check."""
         return f"{self.sentence} {self.check}".strip()
-
-
-NAMED_BY_CHANCE = (
-    "What is said beside friction is held back: among all valves of this run chance alone may have "
-    "named it."
-)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -30,6 +30,8 @@ HOW_SURE = (
     "answers four were right; the other two are likely disturbances. Run a test before "
     "you open a valve."
 )
+SUSPECTED_NOTE = "sticking suspected"  # beside the verdict in a ranking
+NO_SIGN_NOTE = "no sign of sticking"
 MOVED = "it oscillates with other loops, and that likely does not begin here."
 MOST_NAMED = 20  # loops in a line of the list of next steps
 _NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
@@ -260,10 +262,6 @@ def answers_sentence(steps: Sequence[NextStep]) -> str:
     counted = ", ".join(f"{count[verdict]} {said}" for verdict, said in words.items())
     sentence = f"What OP and PV alone tell of {asked} without a verdict: {counted}."
     return " ".join(filter(None, (sentence, suspected_sentence(loops_to_test(steps)))))
-
-
-SUSPECTED_NOTE = "sticking suspected"  # beside the verdict in a ranking
-NO_SIGN_NOTE = "no sign of sticking"
 
 
 def suspected_sentence(named: Sequence[str]) -> str:

@@ -31,7 +31,6 @@ VERDICT_MEANING = {
     Verdict.UNDETERMINED: "the recording does not allow a verdict; the reason is given",
     Verdict.HEALTHY: "the stem follows the controller",
 }
-# Undetermined comes before healthy, since such a valve may be faulty.
 
 _UNPRINTABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff\ufffe\uffff]")
 

@@ -12,7 +12,7 @@ judged are counted apart.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -23,7 +23,7 @@ from stemwatch.models.validity_checks import SUMS_OP
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
 from stemwatch.service.presenter.oscillation_words import is_moved_by_another
-from stemwatch.service.presenter.wording import finite, valves_counted
+from stemwatch.service.presenter.wording import finite
 
 # A kind of finding is a key of the advice: stiction by its shape, an effect by its slug, a way in
 # which the position cannot be trusted.
@@ -296,98 +296,3 @@ def severity_of(verdict: Verdict, measured: float | None, kinds: tuple[str, ...]
 
 def _has_own_severity(kind: str) -> bool:
     return kind not in WITHOUT_PAGE and kind not in STICTION.values()
-
-
-@dataclass(frozen=True, kw_only=True)
-class WorkCounts:
-    """How many valves are in each state of work. ``recordings`` exceeds ``valves`` where a tag has
-    several recordings.
-
-    ``orders`` of the valves that cannot be judged get a work order to find out why.
-    """
-
-    recordings: int
-    needs_work: int
-    watch: int
-    not_judged: int
-    no_work: int
-    orders: int = 0
-
-    @classmethod
-    def of_states(cls, states: Mapping[WorkState, int], orders: int = 0) -> WorkCounts:
-        """The counts where each valve is counted already."""
-        return cls(
-            recordings=sum(states.values()),
-            needs_work=states[WorkState.NEEDS_WORK],
-            watch=states[WorkState.WATCH],
-            not_judged=states[WorkState.NOT_JUDGED],
-            no_work=states[WorkState.NO_WORK],
-            orders=orders,
-        )
-
-    @property
-    def valves(self) -> int:
-        """How many valves there are: the sum of the four states."""
-        return self.needs_work + self.watch + self.not_judged + self.no_work
-
-    @property
-    def headline(self) -> str:
-        """How many valves need work: "4 of 15 valves need work"; or that nobody can say."""
-        if self.not_judged == self.valves:
-            return f"None of {valves_counted(self.valves)} can be judged"
-        needs = "needs" if self.needs_work <= 1 else "need"
-        return f"{self.needs_work or 'None'} of {valves_counted(self.valves)} {needs} work"
-
-    @property
-    def rest(self) -> str:
-        """The other valves, those that cannot be judged among them; empty where there are none."""
-        clauses = []
-        if self.watch:
-            clauses.append(f"{self.watch} to watch")
-        to_find_out = f"{self.orders} with a work order to find out why" if self.orders else ""
-        if self.not_judged == self.valves:
-            return to_find_out
-        if self.not_judged:
-            reason_clause = f" ({to_find_out})" if to_find_out else ""
-            clauses.append(f"{self.not_judged} cannot be judged{reason_clause}")
-        if self.no_work:
-            clauses.append(f"{self.no_work} without work")
-        return ", ".join(clauses)
-
-    @property
-    def sentence(self) -> str:
-        """All of it in one sentence: the same in report, PDF, work orders and terminal."""
-        if not self.valves:
-            return "No valve was screened."
-        text = f"{self.headline}; {self.rest}" if self.rest else self.headline
-        if self.recordings > self.valves:
-            text += f" ({self.recordings} recordings)"
-        return f"{text}."
-
-
-def count_valves(decided: Iterable[tuple[str, WorkDecision]]) -> WorkCounts:
-    """Valves by their state, each valve once by its tag.
-
-    Where a tag has several recordings, one that shows work counts, then one to watch; it cannot be
-    judged only where none of them allows a verdict.
-    """
-    rank = (WorkState.NEEDS_WORK, WorkState.WATCH, WorkState.NO_WORK, WorkState.NOT_JUDGED)
-    states: dict[str, WorkState] = {}
-    ordered: set[str] = set()
-    recordings = 0
-    for valve, decision in decided:
-        recordings += 1
-        states[valve] = min(states.get(valve, decision.state), decision.state, key=rank.index)
-        if decision.has_order and not decision.needs_work:
-            ordered.add(valve)
-    counts = {
-        state: [v for v, its_state in states.items() if its_state is state] for state in WorkState
-    }
-    return WorkCounts(
-        recordings=recordings,
-        needs_work=len(counts[WorkState.NEEDS_WORK]),
-        watch=len(counts[WorkState.WATCH]),
-        not_judged=len(counts[WorkState.NOT_JUDGED]),
-        no_work=len(counts[WorkState.NO_WORK]),
-        orders=len(ordered.intersection(counts[WorkState.NOT_JUDGED])),
-    )

@@ -6,13 +6,13 @@ one scale for all valves, so that they can be compared by eye.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.screening_result import Residual, Screening
 from stemwatch.service.presenter.wording import finite
+from stemwatch.service.report.charts.axes import next_round_number
 
 MODEL_NAMES = {
     "stiction": "Stick-slip model",
@@ -65,7 +65,6 @@ def _bar(model: str, name: str, residual: Residual | None, spread: float | None)
 
 
 SMALLEST_TOP_PERCENT = 2.0
-_STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,15 +78,19 @@ class Gauge:
 
 
 def gauge_top(screenings: Iterable[Screening]) -> float:
-    """The round number at the bars' right end, percent of OP span: it holds every value."""
+    """``bar_top`` of all S and J of ``screenings``."""
     values = [
         finite(estimate.value) or 0.0
         for screening in screenings
         for estimate in (screening.S, screening.J)
     ]
-    largest = max([SMALLEST_TOP_PERCENT, *values])
-    decade = 10.0 ** math.floor(math.log10(largest))
-    return next(decade * step for step in _STEPS if decade * step >= largest)
+    return bar_top(max(values, default=0.0))
+
+
+def bar_top(largest_percent: float) -> float:
+    """The round number at the right end of all bars of S and J, percent of OP span: it holds the
+    largest value."""
+    return next_round_number(max(SMALLEST_TOP_PERCENT, largest_percent))
 
 
 def gauge(estimate: Estimate, top: float) -> Gauge | None:

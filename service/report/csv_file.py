@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
 from datetime import datetime
 from typing import BinaryIO
 
-from stemwatch.service.report.ranking import RankedValve
+from stemwatch.service.report.ranking import Ranking
 from stemwatch.service.report.report_context import ReportContext
 from stemwatch.service.report.spreadsheet_columns import Cell, header_and_rows
 
@@ -16,7 +15,7 @@ from stemwatch.service.report.spreadsheet_columns import Cell, header_and_rows
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")
 
 
-def write_csv(ranked: Sequence[RankedValve], context: ReportContext, file: BinaryIO) -> None:
+def write_csv(ranked: Ranking, context: ReportContext, file: BinaryIO) -> None:
     """One header row, one row per valve; numbers unrounded, times ISO 8601 with their offset."""
     columns, rows = header_and_rows(ranked, context)
     sheet = io.TextIOWrapper(file, encoding="utf-8-sig", newline="")

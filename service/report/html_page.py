@@ -49,16 +49,7 @@ from stemwatch.service.report.mismatch_view import (
     rejected_rows,
     residual_bars,
 )
-from stemwatch.service.report.ranking import (
-    RankedValve,
-    cost_in_words,
-    count_verdicts,
-    discovered,
-    steps_without_position,
-    summary_of,
-    work_by_unit,
-    work_counts,
-)
+from stemwatch.service.report.ranking import RankedValve, Ranking
 from stemwatch.service.report.report_context import ReportContext
 
 # Of a plant of a thousand valves the page has to open on a laptop, over the plant's network: below
@@ -99,38 +90,37 @@ class PlottedValve:
     in_full: bool = True
 
 
-def write_html(ranked: Sequence[RankedValve], context: ReportContext, file: BinaryIO) -> None:
+def write_html(ranked: Ranking, context: ReportContext, file: BinaryIO) -> None:
     """The page as UTF-8, valve by valve."""
     for piece in _pieces(ranked, context):
         file.write(piece.encode())
 
 
-def html_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:
+def html_bytes(ranked: Ranking, context: ReportContext) -> bytes:
     """The page as UTF-8."""
     return "".join(_pieces(ranked, context)).encode()
 
 
-def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[str]:
-    counts = count_verdicts(ranked)
-    discoveries, next_steps = discovered(ranked, context), steps_without_position(ranked)
+def _pieces(ranked: Ranking, context: ReportContext) -> Iterator[str]:
+    next_steps = ranked.next_steps
     page = environment(context, template).get_template("report.html")
     return page.generate(
         context=context,
-        counts=counts,
-        work=work_counts(ranked),
+        counts=ranked.recordings_of,
+        work=ranked.counts,
         ranked=ranked,
         valves=_plotted(ranked),
-        discovered=discoveries.sentence,
+        discovered=ranked.discovered.sentence,
         told=MOST_SECTIONS,
         priorities=CLASSES_IN_WORDS,
         suspected=answers_sentence(next_steps),
         note_of=dict.fromkeys(loops_to_test(next_steps), SUSPECTED_NOTE)
         | dict.fromkeys(loops_without_sign(next_steps), NO_SIGN_NOTE),
         next_steps=next_steps,
-        cost=cost_in_words(ranked),
-        summary=summary_of(ranked),
+        cost=ranked.cost_of_sticking,
+        summary=ranked.summary,
         levels=names_by_level(context.valves.values()),
-        units=work_by_unit(ranked),
+        units=ranked.units,
         gauge_top=gauge_top(valve.screening for valve in ranked),
         models=MODEL_NAMES,
         compact=True,

@@ -22,20 +22,16 @@ from stemwatch.service.presenter.cost_of_sticking import (
 )
 from stemwatch.service.presenter.false_discoveries import Discoveries, discoveries
 from stemwatch.service.presenter.finding import PresentedFinding, present
-from stemwatch.service.presenter.suspicion_words import NextStep, next_steps
+from stemwatch.service.presenter.suspicion_words import next_steps
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.urgency import Priority, UrgencyKey, priority_of, urgency_of
 from stemwatch.service.presenter.wording import instant, printable
-from stemwatch.service.presenter.work_decision import (
-    WorkCounts,
-    WorkDecision,
-    count_valves,
-    decide,
-)
+from stemwatch.service.presenter.work_counts import WorkCounts, count_valves
+from stemwatch.service.presenter.work_decision import WorkDecision, decide
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.charts.valve_plots import ValvePlots
 from stemwatch.service.report.report_context import ReportContext, ValveFacts
-from stemwatch.service.report.summary_lines import SummaryLine, summary_lines
+from stemwatch.service.report.summary_lines import summary_lines
 
 LONGEST_ANCHOR = 60
 
@@ -104,12 +100,23 @@ class RankedValve:
 
 
 class Ranking(Sequence[RankedValve]):
-    """The valves of a report, the one to work on first at the front (``urgency_key``); by cost
-    where the context says so, and then by urgency.
+    """The valves of a report, the one to work on first at the front (``urgency_of``); by cost
+    where the context says so, and then by urgency. Its attributes count and sum up the whole run,
+    so that every file of the report says the same.
 
     A valve is created on access from ``screenings``; where that sequence reads from a disk, only
     one valve is held in memory at a time. ``evidence`` gives the plots of the screening at a
-    position of ``screenings``. ``discovered`` is the false-discovery control over the run.
+    position of ``screenings``.
+
+    Attributes:
+        verdicts: The verdict of each screening, in the order in which they were given.
+        recordings_of: How many recordings have each verdict, worst first.
+        counts: How many valves need work, and where the others stand.
+        units: The same for each unit, those with most to do first; empty where there are not two.
+        cost_of_sticking: What it costs a month in all; empty where no price is known.
+        discovered: What stands of all that was named, by false-discovery control over the run.
+        summary: The lines of the first screen beside the verdicts.
+        next_steps: What to do next at the valves of which only OP and PV are known.
     """
 
     def __init__(
@@ -134,21 +141,15 @@ class Ranking(Sequence[RankedValve]):
             decide(note, stands=stands, confirmed=confirmed, groups=context.groups)
             for note, stands, confirmed in zip(notes, run.standing, run.confirmed, strict=True)
         ]
-        by_cost = context.rank_by is RankBy.COST
-        keys = [
-            (
-                -_a_month(costs.get(note.valve)) if by_cost else 0.0,
-                urgency_of(note, decision, context.facts(note.valve).criticality),
-            )
-            for note, decision in zip(notes, decided, strict=True)
-        ]
-        self._order = sorted(range(len(notes)), key=lambda index: keys[index])
+        self._order = _order_of(notes, decided, costs, context)
         self.discovered: Discoveries = replace(
             run,
             standing=tuple(run.standing[index] for index in self._order),
             confirmed=tuple(run.confirmed[index] for index in self._order),
         )
         self.verdicts = tuple(decision.verdict for decision in decided)
+        recordings = Counter(self.verdicts)
+        self.recordings_of = {verdict: recordings[verdict] for verdict in WORST_FIRST}
         self.counts = count_valves(
             (note.valve, decision) for note, decision in zip(notes, decided, strict=True)
         )
@@ -225,28 +226,27 @@ class Ranking(Sequence[RankedValve]):
         )
 
 
+def _order_of(
+    notes: Sequence[Screening],
+    decided: Sequence[WorkDecision],
+    costs: Mapping[str, CostOfSticking],
+    context: ReportContext,
+) -> list[int]:
+    """The places of ``notes`` in the order of the report."""
+    by_cost = context.rank_by is RankBy.COST
+    keys = [
+        (
+            -_a_month(costs.get(note.valve)) if by_cost else 0.0,
+            urgency_of(note, decision, context.facts(note.valve).criticality),
+        )
+        for note, decision in zip(notes, decided, strict=True)
+    ]
+    return sorted(range(len(notes)), key=lambda index: keys[index])
+
+
 def _a_month(cost: CostOfSticking | None) -> float:
     """Its cost a month; 0 where that is not known, so that it sorts behind all known costs."""
     return 0.0 if cost is None else max(cost.money.value or 0.0, 0.0)
-
-
-def cost_in_words(ranked: Sequence[RankedValve]) -> str:
-    """What the sticking of all valves costs a month; empty where no price is known."""
-    if isinstance(ranked, Ranking):
-        return ranked.cost_of_sticking
-    return total_in_words({valve.screening.valve: valve.cost for valve in ranked if valve.cost})
-
-
-def summary_of(ranked: Sequence[RankedValve]) -> tuple[SummaryLine, ...]:
-    """The lines of the first screen beside the verdicts."""
-    if isinstance(ranked, Ranking):
-        return ranked.summary
-    return summary_lines(
-        [valve.screening for valve in ranked],
-        [valve.verdict for valve in ranked],
-        {valve.screening.valve: valve.facts.weeks for valve in ranked},
-        cost_in_words(ranked),
-    )
 
 
 def rank_valves(
@@ -256,24 +256,6 @@ def rank_valves(
 ) -> Ranking:
     """The screenings as a ranking."""
     return Ranking(screenings, context, evidence)
-
-
-def discovered(ranked: Sequence[RankedValve], context: ReportContext) -> Discoveries:
-    """What stands of all that was named in the run of ``ranked``."""
-    if isinstance(ranked, Ranking):
-        return ranked.discovered
-    return discoveries(
-        [valve.screening.mismatch for valve in ranked],
-        context.p_elsewhere,
-        [valve.facts.by_window for valve in ranked],
-    )
-
-
-def work_counts(ranked: Sequence[RankedValve]) -> WorkCounts:
-    """How many valves need work, and where the others stand."""
-    if isinstance(ranked, Ranking):
-        return ranked.counts
-    return count_valves((valve.screening.valve, valve.decision) for valve in ranked)
 
 
 def reduced_for_ranking(screening: Screening) -> Screening:
@@ -293,16 +275,6 @@ class UnitWork:
     unit: str
     work: WorkCounts
     cost: str
-
-
-def work_by_unit(ranked: Sequence[RankedValve]) -> Sequence[UnitWork]:
-    """The units that valves are in, those with most to do first; none where there are not two."""
-    if isinstance(ranked, Ranking):
-        return ranked.units
-    return _by_unit(
-        [(valve.facts, valve.screening.valve, valve.decision) for valve in ranked],
-        {valve.screening.valve: valve.cost for valve in ranked if valve.cost},
-    )
 
 
 def _by_unit(
@@ -327,23 +299,9 @@ def _by_unit(
     )
 
 
-def count_verdicts(ranked: Sequence[RankedValve]) -> dict[Verdict, int]:
-    """How many recordings there are of each verdict, worst first."""
-    verdicts = ranked.verdicts if isinstance(ranked, Ranking) else [v.verdict for v in ranked]
-    counts = Counter(verdicts)
-    return {verdict: counts[verdict] for verdict in WORST_FIRST}
-
-
 def provisional_urgency(screening: Screening, criticality: str) -> UrgencyKey:
     """Its place before the run is over, as if all that was named stood among all valves."""
     return urgency_of(screening, decide(screening, stands=None), criticality)
-
-
-def steps_without_position(ranked: Sequence[RankedValve]) -> Sequence[NextStep]:
-    """What to do next at the valves of which only OP and PV are known."""
-    if isinstance(ranked, Ranking):
-        return ranked.next_steps
-    return next_steps([valve.screening for valve in ranked])
 
 
 def anchor_of(valve: str, used_anchors: Counter[str]) -> str:

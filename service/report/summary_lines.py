@@ -14,10 +14,12 @@ from stemwatch.service.presenter.wording import finite, span_percent
 from stemwatch.service.presenter.work_decision import Ne107, ne107_word
 
 MOST_NAMED = 2  # valves that get worse
-
-
-_STATED = (
-    *(Verdict.STICKY, Verdict.DEFECTIVE, Verdict.WATCH, Verdict.HEALTHY),
+# Of the verdicts of one valve the first counts; none is no state.
+_WORST_STATE_FIRST = (
+    Verdict.STICKY,
+    Verdict.DEFECTIVE,
+    Verdict.WATCH,
+    Verdict.HEALTHY,
     Verdict.UNDETERMINED,
 )
 
@@ -53,7 +55,7 @@ def _states(screenings: Sequence[Screening], verdicts: Sequence[Verdict]) -> str
     worst: dict[str, Verdict] = {}
     for screening, verdict in zip(screenings, verdicts, strict=True):
         worst[screening.valve] = min(
-            worst.get(screening.valve, verdict), verdict, key=_STATED.index
+            worst.get(screening.valve, verdict), verdict, key=_WORST_STATE_FIRST.index
         )
     counts = Counter(ne107_word(verdict) for verdict in worst.values())
     order = (Ne107.OUT_OF_SPECIFICATION, Ne107.MAINTENANCE_REQUIRED, Ne107.NORMAL)

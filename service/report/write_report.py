@@ -15,7 +15,7 @@ from stemwatch.service.report.charts.valve_plots import ValvePlots
 from stemwatch.service.report.csv_file import write_csv
 from stemwatch.service.report.html_page import write_html
 from stemwatch.service.report.json_contract import to_contract
-from stemwatch.service.report.ranking import RankedValve, rank_valves
+from stemwatch.service.report.ranking import Ranking, rank_valves
 from stemwatch.service.report.report_context import ReportContext
 from stemwatch.service.report.xlsx_file import write_xlsx
 
@@ -34,7 +34,7 @@ class ReportNotWritten(OSError):
     """One or more files of the report could not be written; the others are complete."""
 
 
-Write = Callable[[Sequence[RankedValve], ReportContext, BinaryIO], None]
+Write = Callable[[Ranking, ReportContext, BinaryIO], None]
 
 
 def write_report(
@@ -89,7 +89,7 @@ def _all_put(writers: Mapping[Path, Callable[[BinaryIO], None]]) -> None:
         raise ReportNotWritten(" ".join(failures_found))
 
 
-def write_json(ranked: Sequence[RankedValve], context: ReportContext, file: BinaryIO) -> None:
+def write_json(ranked: Ranking, context: ReportContext, file: BinaryIO) -> None:
     """The contract objects, worst valve first, as UTF-8 JSON without NaN: a valve on each line."""
     between = "[\n"
     for valve in ranked:

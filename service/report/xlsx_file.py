@@ -10,7 +10,7 @@ from xlsxwriter import Workbook
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.wording import VERDICT_MEANING, finite, printable
-from stemwatch.service.report.ranking import RankedValve, discovered, work_counts
+from stemwatch.service.report.ranking import RankedValve, Ranking
 from stemwatch.service.report.report_context import ReportContext
 from stemwatch.service.report.spreadsheet_columns import Cell, SpreadsheetColumn, header_and_rows
 
@@ -29,7 +29,7 @@ _INDICATOR_WIDTHS = (18, 30, 12, 12, 12, 14, 12, 70)
 _WORSE = {"up": "it rises", "down": "it falls"}
 
 
-def write_xlsx(ranked: Sequence[RankedValve], context: ReportContext, file: BinaryIO) -> None:
+def write_xlsx(ranked: Ranking, context: ReportContext, file: BinaryIO) -> None:
     """The workbook, the same for the same screenings and context.
 
     Rows go to the disk as they are written, so that memory does not grow with the valves.
@@ -145,7 +145,7 @@ def _read_me(
     workbook: Any,
     columns: Sequence[SpreadsheetColumn],
     context: ReportContext,
-    ranked: Sequence[RankedValve],
+    ranked: Ranking,
 ) -> None:
     sheet = workbook.add_worksheet("Read me")
     sheet.set_column(0, 0, 34)
@@ -162,7 +162,7 @@ def _read_me(
 
 
 def _read_me_parts(
-    columns: Sequence[SpreadsheetColumn], context: ReportContext, ranked: Sequence[RankedValve]
+    columns: Sequence[SpreadsheetColumn], context: ReportContext, ranked: Ranking
 ) -> list[tuple[str, list[tuple[str, str]]]]:
     started = context.started.astimezone(context.tz).isoformat(timespec="minutes")
     run = [
@@ -172,11 +172,11 @@ def _read_me_parts(
         ("Command", context.command),
         ("Settings digest", context.settings_digest),
     ]
-    physics = discovered(ranked, context).sentence
+    physics = ranked.discovered.sentence
     not_read = [(unread.source, unread.reason) for unread in context.sources_not_read]
     return [
         (printable(context.title), run),
-        ("Work", [("all valves", work_counts(ranked).sentence)]),
+        ("Work", [("all valves", ranked.counts.sentence)]),
         ("Verdicts", [(word.value, text) for word, text in VERDICT_MEANING.items()]),
         ("Hidden physics", [("all valves", physics or "no valve was tested for it")]),
         ("Columns of Ranking", [(column.header, column.meaning) for column in columns]),

@@ -21,7 +21,7 @@ from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evide
 from stemwatch.service.presenter.plant_path import PartOfPlant
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.unexplained_fall import UnexplainedFall
-from stemwatch.service.presenter.work_decision import WorkCounts
+from stemwatch.service.presenter.work_counts import WorkCounts
 from stemwatch.service.store.accounts.api_tokens import ApiTokens
 from stemwatch.service.store.accounts.audit import AuditLog
 from stemwatch.service.store.accounts.browser_sessions import WebSessions
@@ -448,11 +448,6 @@ class Store:
         results, those that stand first, each with what its pictures need."""
         with self.transactions.reading("reading the oscillations of loops") as session:
             return oscillations.read_oscillations(session, now)
-
-    def oscillations_of_run(self, run_id: int) -> list[OscillationGroup]:
-        """The groups that a run found, those with most loops moved first, without pictures."""
-        with self.transactions.reading("reading the oscillations of a run") as session:
-            return oscillations.read_groups_of_run(session, run_id)
 
     def oscillations_of(self, loop: str, now: datetime) -> list[OscillationGroup]:
         """The groups that oscillate at present of which ``loop`` is a member, without pictures."""

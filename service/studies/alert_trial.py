@@ -23,6 +23,7 @@ from stemwatch.models.recording import Floats, Role
 from stemwatch.models.studies.simulator.valve_life import HEALTHY, ValveLife, draw_lives
 from stemwatch.service.config import load_plant
 from stemwatch.service.executors import Executor, map_in_order
+from stemwatch.service.presenter.trend_over_weeks import DAYS_A_MONTH
 from stemwatch.service.run.queue_worker import QueueWorker
 from stemwatch.service.scheduler.scheduler import Scheduler
 from stemwatch.service.store.alerts.alerts import AlertKind, StoredAlert
@@ -34,7 +35,6 @@ BEGAN = datetime(2020, 1, 6, tzinfo=UTC)  # the simulated clock must not overtak
 RECORDED_AT = timedelta(hours=6)
 WITHIN = 3  # windows after S crosses the limit, within which an alert is expected
 LOOKS_BACK = 2  # windows before the newest that a rule looks at
-DAYS_A_MONTH = 365.25 / 12.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,6 @@ from enum import StrEnum
 
 import numpy as np
 
-from stemwatch.models.estimate import Estimate
 from stemwatch.models.narx.baseline import BaselineScore, score_baseline
 from stemwatch.models.narx.example import NarxExample, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
@@ -264,45 +263,6 @@ def _score(baseline: NarxNetwork, window: PlantLoop, chance: int) -> BaselineSco
 def scores(followed: Sequence[Followed], *fates: ValveFate) -> list[float]:
     """The scores of the valves with one of these fates, where they have one."""
     return [valve.score for valve in followed if valve.way in fates and valve.score is not None]
-
-
-_NORMAL_95 = 1.959964
-_BESIDE = 1e-9  # far below one pair in the largest groups
-
-
-def auc(healthy: Sequence[float], growing: Sequence[float]) -> Estimate:
-    """Chance that a growing valve's score is above a healthy one's, ties half, 95 % interval.
-
-    The interval's ends are the values that lie 1.96 of their own standard errors from what was
-    found, after Hanley and McNeil (1982) with the mean of the two group sizes: method 5 of Newcombe
-    (2006), both quoted from memory. Unlike a bootstrap it does not shrink to nothing at 1. Where
-    the groups are the same loops, as here, it is a little too wide. Unknown where a group is empty.
-    """
-    if not healthy or not growing:
-        return Estimate.unknown("no valve of one group could be scored; follow more valves")
-    difference = np.subtract.outer(np.asarray(growing), np.asarray(healthy))
-    area = float(np.mean((difference > 0) + 0.5 * (difference == 0)))
-    low, high = _newcombe(area, len(healthy), len(growing))
-    return Estimate(value=area, low=low, high=high)
-
-
-def _newcombe(rate: float, m: int, n: int) -> tuple[float, float]:
-    from scipy.optimize import brentq
-
-    larger = (m + n) / 2 - 1
-
-    def variance(area: float) -> float:
-        spread = 1 + larger * ((1 - area) / (2 - area) + area / (1 + area))
-        return area * (1 - area) * spread / (m * n)
-
-    def excess(area: float) -> float:
-        return (rate - area) ** 2 - _NORMAL_95**2 * variance(area)
-
-    # The excess is below zero next to ``rate``, above it at the far end, and 0 at ``rate`` itself
-    # where that is 0 or 1: the search begins beside it.
-    low = 0.0 if rate <= 0.0 else float(brentq(excess, 0.0, rate - _BESIDE))
-    high = 1.0 if rate >= 1.0 else float(brentq(excess, rate + _BESIDE, 1.0))
-    return low, high
 
 
 def calibrated_limit(healthy: Sequence[float], share: float) -> float | None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stemwatch.models.estimate import NORMAL_95
 from stemwatch.models.narx.example import NarxSettings
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.screening_result import Screening
@@ -92,7 +93,7 @@ def wilson(hits: int, total: int) -> tuple[float, float]:
     """
     if total == 0:
         return 0.0, 1.0
-    z, share = 1.959964, hits / total
+    z, share = NORMAL_95, hits / total
     middle = share + z * z / (2 * total)
     half = z * float(np.sqrt(share * (1 - share) / total + z * z / (4 * total * total)))
     return max((middle - half) / (1 + z * z / total), 0.0), min(

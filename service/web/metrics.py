@@ -19,10 +19,11 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service import __version__
 from stemwatch.service.collector.spool import backlog
 from stemwatch.service.presenter.work_decision import NE107_OF, Ne107
-from stemwatch.service.store.administration.figures import NOT_SCREENED, StoreFigures, figures_of
+from stemwatch.service.store.administration.figures import StoreFigures, figures_of
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples.sources import SourceState
+from stemwatch.service.store.screenings.ranking import NOT_SCREENED
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.web.dependencies import Dependencies, Deps
 

@@ -31,7 +31,8 @@ from stemwatch.models.studies.loops.stem_filter import (
     wave_of,
 )
 from stemwatch.models.without_position.suspicion import Suspicion, trained_judge
-from stemwatch.service.studies.position_free import LoopToDraw, auc, look_item, studied
+from stemwatch.service.studies.roc import area_under_roc
+from stemwatch.service.studies.without_position import LoopToDraw, look_item, studied
 
 LEFT_OUT = "sensor"  # loops whose sensor has play: behind it PV is not Gaussian
 SWINGS, SIZES = (0.0, 5.0, 8.0, np.inf), (1.0, 2.0, 4.0, 8.0)
@@ -144,7 +145,7 @@ def rows(loops: Sequence[Compared]) -> Iterator[tuple[str, list[Compared]]]:
 def found(sticks: Floats, sound: Floats) -> str:
     """AUC, and the share found at 2 and 5 % false alarms."""
     at = [np.mean(sticks > np.quantile(sound, 1.0 - share)) for share in ALARMS]
-    return f"{auc(sticks, sound):.2f}; {at[0]:.2f}, {at[1]:.2f}"
+    return f"{area_under_roc(sticks, sound):.2f}; {at[0]:.2f}, {at[1]:.2f}"
 
 
 SCORES: dict[str, Callable[[Compared], float]] = {

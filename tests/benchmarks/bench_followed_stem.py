@@ -31,7 +31,8 @@ from stemwatch.models.without_position.suspicion import (
     trained_judge,
     usable_signals,
 )
-from stemwatch.service.studies.position_free import FAMILIES, LoopToDraw, auc, sensitivity
+from stemwatch.service.studies.roc import area_under_roc, sensitivity
+from stemwatch.service.studies.without_position import FAMILIES, LoopToDraw
 
 ENSEMBLE, HIDDEN, BATCH, PASSES = 8, 16, 128, 40
 FARTHEST, NOISE = 3.0, 0.1  # standard deviations of an input
@@ -128,7 +129,7 @@ def table(loops: list[Weighed], scores: dict[str, Floats]) -> Iterator[str]:
             at = [sensitivity(alarm[good], alarm[bad], share) for share in ALARMS]
             yield (
                 f"| {family}, {good.sum()} + {bad.sum()} | {name} "
-                f"| {auc(score[good], score[bad]):.2f} | {at[0]:.2f}, {at[1]:.2f} |"
+                f"| {area_under_roc(score[good], score[bad]):.2f} | {at[0]:.2f}, {at[1]:.2f} |"
             )
 
 

@@ -23,7 +23,7 @@ from stemwatch.models.without_position.suspicion import (
     look_at_loop,
     trained_judge,
 )
-from stemwatch.service.studies.position_free import auc
+from stemwatch.service.studies.roc import area_under_roc
 
 GAIN = NAMES.index("gain of both at 25 to a period")
 
@@ -62,11 +62,13 @@ def report(name: str, loops: list[tuple[bool, Recording]], judge: Judge) -> None
     for verdict in Suspicion:
         is_it = np.array([item.verdict is verdict for item in sentences])
         print(f"  {verdict.value}: {np.sum(is_it & sticks)} and {np.sum(is_it & ~sticks)}")
-    of_score, of_gain = (auc(values[sticks], values[~sticks]) for values in (score, gain))
+    of_score, of_gain = (
+        area_under_roc(values[sticks], values[~sticks]) for values in (score, gain)
+    )
     print(f"  AUC of the score {of_score:.2f}, of the gain {of_gain:.2f}")
     # A loop of which OP and PV show nothing counts as the least sticking above.
     seen_at_all = np.array([item.score is not None for item in sentences])
-    with_score = auc(score[sticks & seen_at_all], score[~sticks & seen_at_all])
+    with_score = area_under_roc(score[sticks & seen_at_all], score[~sticks & seen_at_all])
     print(f"  AUC of the {seen_at_all.sum()} with a score {with_score:.2f}")
 
 

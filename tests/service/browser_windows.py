@@ -81,3 +81,14 @@ class Windows:
 
     def _new(self, scripts: bool) -> _Window:
         return _Window(self._browser.new_context(java_script_enabled=scripts).new_page())
+
+
+def colours_drawn(page: Any, selector: str) -> int:
+    """How many different colours the canvas inside ``selector`` shows."""
+    colours: int = page.locator(f"{selector} canvas").first.evaluate(
+        """canvas => {
+            const area = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+            return new Set(new Uint32Array(area.data.buffer)).size;
+        }"""
+    )
+    return colours

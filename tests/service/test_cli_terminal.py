@@ -16,7 +16,7 @@ from rich.console import Console
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.screening_result import Screening
-from stemwatch.service.cli import views
+from stemwatch.service.cli import screening_views as views
 from stemwatch.service.report.ranking import rank_valves
 from tests.service.maintenance.example_work_list import context, mixed
 

@@ -15,7 +15,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.config.schema import Valve
 from stemwatch.service.presenter.cost_of_sticking import Prices, RankBy
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
-from stemwatch.service.report.ranking import rank_valves, summary_of
+from stemwatch.service.report.ranking import rank_valves
 from stemwatch.service.report.report_context import ReportContext, ValveFacts
 from stemwatch.service.store.screenings.ranking import RankingFilter
 from stemwatch.service.store.store import open_store
@@ -59,7 +59,7 @@ def test_the_dearest_valve_stands_first_where_it_is_asked_for() -> None:
 
 
 def test_the_first_screen_says_states_response_trend_and_cost() -> None:
-    """A line each, by the ranking as well as by a list of its valves; no verdict is no state."""
+    """A line each; no verdict is no state."""
     ranked = rank_valves([*VALVES, WELL, BLIND], context(RankBy.VERDICT))
     lines = {line.about: line.says for line in ranked.summary}
     assert lines == {
@@ -70,7 +70,6 @@ def test_the_first_screen_says_states_response_trend_and_cost() -> None:
         "Trend": "FIC-1: S +0.40 % a month (+0.30 to +0.50)",
         "Cost": "The sticking of 2 loops costs about 4,015 EUR (3,281 to 5,482) a month.",
     }
-    assert summary_of(list(ranked)) == ranked.summary
     assert rank_valves([], context(RankBy.VERDICT)).summary == ()
 
 

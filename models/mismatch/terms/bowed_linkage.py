@@ -7,7 +7,7 @@ of the stroke and below on the other. For the element it is the same as a force 
 position, and is run as such (``stem.force``); beyond 0 and 100 % it is 0.
 
 Over a part of the stroke the shape is nearly a straight line, and then the same as a span error:
-the two are one class until the range moved is wide enough (``bend_or_slope``).
+the two are one class until the range moved is wide enough (``reading_rivals``).
 
 Signature: an error that follows the travel, S-shaped, the same in both directions.
 """

@@ -46,7 +46,7 @@ class SlipOvershoot(ReadingTerm):
             steps=check_steps(
                 (
                     "desk: Ask when the packing was last tightened or lubricated: S and J are "
-                    "those of the longer slip, and friction itself is what to mend."
+                    "those of the longer slip, and friction itself is what needs work."
                 ),
                 "manual: Ramp OP at 0.02 %/s and at 1 %/s: steps on both confirm it.",
                 "air: Check positioner gain and damping, and the actuator's size for its friction.",

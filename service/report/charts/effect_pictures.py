@@ -382,7 +382,7 @@ def _band_of(seen: _Seen, part: slice, stiction: Stiction, scale: float) -> tupl
         return ()
     op, mv = seen.command[part][both_finite], seen.mv[part][both_finite]
     S, J = (_scaled(estimate, scale) for estimate in (stiction.S, stiction.J))
-    corners = stick_band(S, J, op, mv, op)
+    corners = stick_band(S, J, op, mv)
     if corners is None:
         return ()
     closed = np.vstack((corners, corners[:1]))

@@ -53,10 +53,10 @@ def loop_shapes(screening: Screening, op: Floats, mv: Floats) -> LoopShapes:
         return LoopShapes()
     op, mv = op[both_finite], mv[both_finite]
     if curve is None:
-        return LoopShapes(band=stick_band(screening.S, screening.J, op, mv, op))
+        return LoopShapes(band=stick_band(screening.S, screening.J, op, mv))
     command = curve.command(op)
     # The stem's mean position between its slides gives the offset of the whole band.
-    band = stick_band(screening.S, screening.J, command, mv, op, curve)
+    band = stick_band(screening.S, screening.J, command, mv, curve)
     low, high = np.percentile(op, [1.0, 99.0])
     knots = np.array(curve.op)
     op_grid = np.unique(np.concatenate(([low], knots[(knots > low) & (knots < high)], [high])))
@@ -95,7 +95,6 @@ def stick_band(
     of_J: Estimate,
     command: Floats,
     mv: Floats,
-    op: Floats,
     curve: StrokeCurve | None = None,
 ) -> Floats | None:
     """(m, 2) corners of the loop that S and J describe between the usual turns of OP, percent.

@@ -5,7 +5,6 @@ Colours come from the style sheet by the class of each line, so that they fit bo
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,13 +13,13 @@ from markupsafe import Markup
 
 from stemwatch.models.recording import Floats
 from stemwatch.service.presenter.wording import figure, printable
+from stemwatch.service.report.charts.axes import equally_long, ticks
 from stemwatch.service.report.svg_text import svg_text
 
 WIDTH, HEIGHT = 360, 250
 LEFT, RIGHT, TOP, BOTTOM = 52, 10, 10, 38
 FARTHEST = 1e5  # pixels
 TICKS = 5
-_STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,9 @@ class SmallPlot:
         x_low, x_high, y_low, y_high = self.limits or self._limits()
         inner_x, inner_y = self.width - LEFT - RIGHT, self.height - TOP - BOTTOM
         if self.equal:
-            x_low, x_high, y_low, y_high = _equal(x_low, x_high, y_low, y_high, inner_x / inner_y)
+            (x_low, x_high), (y_low, y_high) = equally_long(
+                (x_low, x_high), (y_low, y_high), inner_x / inner_y
+            )
 
         def at(x: Floats, y: Floats) -> tuple[Floats, Floats]:
             return (
@@ -102,11 +103,11 @@ class SmallPlot:
     def _axes(self, x_low: float, x_high: float, y_low: float, y_high: float) -> list[Markup]:
         right, bottom = self.width - RIGHT, self.height - BOTTOM
         parts = []
-        for value in ticks(x_low, x_high):
+        for value in ticks(x_low, x_high, TICKS):
             x = LEFT + (right - LEFT) * (value - x_low) / (x_high - x_low)
             parts.append(_rule(x, TOP, x, bottom))
             parts.append(svg_text(x, bottom + 14, _tick(value), "axis", "middle"))
-        for value in ticks(y_low, y_high):
+        for value in ticks(y_low, y_high, TICKS):
             y = bottom - (bottom - TOP) * (value - y_low) / (y_high - y_low)
             parts.append(_rule(LEFT, y, right, y))
             parts.append(svg_text(LEFT - 5, y + 4, _tick(value), "axis", "end"))
@@ -140,15 +141,6 @@ class SmallPlot:
         return Markup('<ul class="small-legend">{}</ul>').format(Markup("").join(items))
 
 
-def ticks(low: float, high: float) -> list[float]:
-    """Round numbers between ``low`` and ``high``, about five."""
-    rough = (high - low) / TICKS
-    decade = 10.0 ** math.floor(math.log10(rough))
-    step = next(decade * factor for factor in _STEPS if decade * factor >= rough)
-    first = math.ceil(low / step - 1e-9)
-    return [step * n for n in range(first, math.floor(high / step + 1e-9) + 1)]
-
-
 def _tick(value: float) -> str:
     text = figure(value, 6) if abs(value) > 1e-12 else "0"
     return text.rstrip("0").rstrip(".") if "." in text else text
@@ -160,19 +152,6 @@ def _widened(values: Floats) -> tuple[float, float]:
     low, high = float(values.min()), float(values.max())
     margin = 0.05 * (high - low) or max(abs(high), 1.0) * 0.05
     return low - margin, high + margin
-
-
-def _equal(
-    x_low: float, x_high: float, y_low: float, y_high: float, shape: float
-) -> tuple[float, float, float, float]:
-    """The limits, widened so that one unit is as long along both axes of a plot ``shape`` times as
-    wide as high."""
-    wide, high = x_high - x_low, y_high - y_low
-    if wide < shape * high:
-        margin = 0.5 * (shape * high - wide)
-        return x_low - margin, x_high + margin, y_low, y_high
-    margin = 0.5 * (wide / shape - high)
-    return x_low, x_high, y_low - margin, y_high + margin
 
 
 def _line(line: PlottedLine, x: Floats, y: Floats) -> Markup:

@@ -10,12 +10,12 @@ from sqlalchemy import case, func, select
 from sqlalchemy.orm import Session
 
 from stemwatch.service.store.alerts.tables import AlertRow, DeliveryRow
+from stemwatch.service.store.screenings.ranking import NOT_SCREENED
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.screenings.screenings import count_overall, latest_screening_id
 from stemwatch.service.store.screenings.tables import RunRow, ScreeningRow, ValveRow
 from stemwatch.service.store.store import Store
 
-NOT_SCREENED = "none"
 _GOING = (RunState.WAITING.value, RunState.RUNNING.value)
 
 

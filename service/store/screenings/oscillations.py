@@ -96,12 +96,6 @@ def read_oscillations(
     return sorted(kept_oscillations, key=lambda kept: (kept.over, -_moved(kept.group)))
 
 
-def read_groups_of_run(session: Session, run_id: int) -> list[OscillationGroup]:
-    """The groups that a run found, those with most loops moved first, without pictures."""
-    rows = session.scalars(select(OscillationRow).where(OscillationRow.run_id == run_id))
-    return sorted((_group(row) for row in rows), key=lambda group: -_moved(group))
-
-
 def _moved(group: OscillationGroup) -> float:
     return sum(member.share for member in group.members)
 

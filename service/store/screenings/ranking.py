@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import groupby
-from typing import Any
+from typing import Any, Literal, get_args
 
 from sqlalchemy import ColumnElement, Select, and_, case, literal, or_, select
 from sqlalchemy.orm import Session
@@ -53,10 +53,21 @@ from stemwatch.service.store.screenings.tables import ScreeningRow, ValveRow
 PAGE = 50
 MOST_PAGE = 500
 NOT_SCREENED = "none"
-SORTS = (
-    *("rank", "valve", "area", "unit", "criticality", "cost", "S", "J", "severity", "confidence"),
-    *("at", "grade"),
-)
+Sort = Literal[
+    "rank",
+    "valve",
+    "area",
+    "unit",
+    "criticality",
+    "cost",
+    "S",
+    "J",
+    "severity",
+    "confidence",
+    "at",
+    "grade",
+]
+SORTS: tuple[str, ...] = get_args(Sort)
 # Columns that are sorted with the largest value first by default.
 LARGEST_FIRST = ("criticality", "cost", "S", "J", "severity", "confidence", "at")
 

@@ -21,7 +21,8 @@ from stemwatch.models.mismatch.acceptance_limits import (
     NOT_LITTLE_IN_NOISE,
     NOT_LITTLE_LEFT,
 )
-from stemwatch.models.mismatch.explain import explain, scores
+from stemwatch.models.mismatch.explain import explain
+from stemwatch.models.mismatch.null_scores import null_scores
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_nulls
 from stemwatch.service.executors import Executor, map_items
@@ -262,17 +263,17 @@ def _scored(batch: Sequence[HiddenCase]) -> list[NullValve]:
 
 def _null(case: HiddenCase) -> NullValve:
     recording = case.simulated().recording
-    null_scores, effects = scores(recording), explain(recording).effects
+    scores, effects = null_scores(recording), explain(recording).effects
     valve = case.loop.valve
     return NullValve(
         concealment=case.concealment,
         friction=LUGRE if valve.packing.presliding_percent > 0.0 else KARNOPP,
         scatter=valve.scatter,
-        terms={slug: (mean, t) for slug, (mean, t, _) in null_scores.terms.items()},
-        strongest=max((strength for _, _, strength in null_scores.terms.values()), default=0.0),
-        pair=null_scores.pair,
+        terms={slug: (mean, t) for slug, (mean, t, _) in scores.terms.items()},
+        strongest=max((strength for _, _, strength in scores.terms.values()), default=0.0),
+        pair=scores.pair,
         named=max((effect.evidence.strength for effect in effects), default=0.0),
-        left=null_scores.left,
-        noise=null_scores.noise,
-        likelihood=null_scores.likelihood,
+        left=scores.left,
+        noise=scores.noise,
+        likelihood=scores.likelihood,
     )

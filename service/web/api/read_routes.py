@@ -15,7 +15,13 @@ from stemwatch.service.presenter.cost_of_sticking import CostOfSticking, money_o
 from stemwatch.service.presenter.plant_path import PartOfPlant, levels_of
 from stemwatch.service.presenter.suspicion_words import next_steps
 from stemwatch.service.store.alerts.alerts import StoredAlert, state_of
-from stemwatch.service.store.screenings.ranking import MOST_PAGE, PAGE, RankingFilter, RankingLine
+from stemwatch.service.store.screenings.ranking import (
+    MOST_PAGE,
+    PAGE,
+    RankingFilter,
+    RankingLine,
+    Sort,
+)
 from stemwatch.service.store.screenings.records import StoredRun
 from stemwatch.service.store.screenings.restored import screening_of
 from stemwatch.service.web.actions import LARGEST_NUMBER
@@ -30,20 +36,6 @@ from stemwatch.service.web.dependencies import Dependencies, Deps
 Id = Annotated[str, Query(alias="id", min_length=1, max_length=500, description="the valve's id")]
 Number = Annotated[int, Query(ge=1, le=LARGEST_NUMBER)]
 Word = Literal["sticky", "defective", "watch", "undetermined", "healthy", "none"]
-Sort = Literal[
-    "rank",
-    "valve",
-    "area",
-    "unit",
-    "criticality",
-    "cost",
-    "S",
-    "J",
-    "severity",
-    "confidence",
-    "at",
-    "grade",
-]
 Names = Annotated[list[str], Query(max_length=100)]
 State = Literal["open", "acknowledged", "snoozed", "closed", "false", "all"]
 

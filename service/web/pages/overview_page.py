@@ -21,7 +21,8 @@ from stemwatch.service.presenter.suspicion_words import (
     suspected_sentence,
 )
 from stemwatch.service.presenter.trend_over_weeks import WEEKS
-from stemwatch.service.presenter.work_decision import WorkCounts, WorkState
+from stemwatch.service.presenter.work_counts import WorkCounts
+from stemwatch.service.presenter.work_decision import WorkState
 from stemwatch.service.report.change_since_last_run import change_since_last_run
 from stemwatch.service.report.charts.small_plot import PlottedLine, SmallPlot
 from stemwatch.service.store.runs.schedules import StoredSchedule

@@ -21,7 +21,8 @@ from stemwatch.service.presenter.suspicion_words import (
     suspected_sentence,
 )
 from stemwatch.service.presenter.urgency import CLASSES_IN_WORDS
-from stemwatch.service.presenter.work_decision import WorkCounts
+from stemwatch.service.presenter.work_counts import WorkCounts
+from stemwatch.service.report.bars import bar_top
 from stemwatch.service.report.change_since_last_run import change_since_last_run
 from stemwatch.service.store.screenings.ranking import (
     LARGEST_FIRST,
@@ -33,8 +34,6 @@ from stemwatch.service.web.dependencies import Deps
 
 LONGEST_SEARCH = 200
 MOST_PAGES = 10_000
-SMALLEST_TOP_PERCENT = 2.0
-_STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 _VERDICTS = (*(verdict.value for verdict in WORST_FIRST), NOT_SCREENED)
 COLUMNS = (
     ("rank", "#"),
@@ -141,10 +140,3 @@ def _head(ranking_filter: RankingFilter, sort: str) -> Mapping[str, str]:
         "link": link(ranking_filter, sort=name, order="desc" if descending else "", page=""),
         "sorted": ("descending" if ranking_filter.descending else "ascending") if chosen else "",
     }
-
-
-def bar_top(largest_percent: float) -> float:
-    """The round number at the right end of all bars of S and J, percent of OP span."""
-    largest = max(SMALLEST_TOP_PERCENT, largest_percent)
-    decade: float = 10.0 ** math.floor(math.log10(largest))
-    return next(decade * step for step in _STEPS if decade * step >= largest)

@@ -24,7 +24,7 @@ from stemwatch.service.presenter.oscillation_words import loop_sentences
 from stemwatch.service.presenter.physics_words import open_question_sentence
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.urgency import Priority, priority_of
-from stemwatch.service.report.bars import MODEL_NAMES
+from stemwatch.service.report.bars import MODEL_NAMES, bar_top
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.charts.effect_pictures import Picture
 from stemwatch.service.report.charts.suspicion_pictures import ShownSuspicion
@@ -41,7 +41,6 @@ from stemwatch.service.web.api.signals import LONGEST, tags_of
 from stemwatch.service.web.auth.current_user import SignedIn
 from stemwatch.service.web.auth.forms import SentForm
 from stemwatch.service.web.dependencies import Dependencies, Deps
-from stemwatch.service.web.pages.ranking_page import bar_top
 from stemwatch.service.web.pages.run_report import MAINTENANCE, report_folder
 
 OPENING = timedelta(hours=2)

@@ -6,8 +6,13 @@ import gzip
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 import numpy as np
+
+from stemwatch.connectors.connector import ConnectorError
+from stemwatch.connectors.historian import HistorianFile, ReadOptions
+from stemwatch.connectors.historian.connector import propose_valves
 
 TAGS = ("FIC-1.OP", "FIC-1.ZT", "FIC-1.PV", "TIC-2.OP", "TIC-2.ZT")
 START = datetime(2026, 10, 25, 0, 30, tzinfo=UTC)  # half an hour before clocks are put back
@@ -185,3 +190,27 @@ def written(kind: Kind) -> bytes:
     text = kind.end.join(lines) + (kind.end if kind.last_end else "")
     stored = text.encode(kind.encoding, "replace")
     return gzip.compress(stored) if kind.packed else stored
+
+
+def everything(
+    path: Path, options: ReadOptions, refused: type[ConnectorError]
+) -> tuple[object, ...]:
+    """All that a user can ask of an export, as plain values; or what is said where it is
+    ``refused``."""
+    try:
+        source = HistorianFile(path, options)
+        recordings = [source.read(valve) for valve in propose_valves(source)]
+        inspected = source.inspect().to_dict()
+    except refused as error:
+        return (str(error),)
+    return (
+        [
+            (
+                *(r.valve, r.interval_s, r.start, r.clock, r.provenance, role, s.tag, s.unit),
+                *(s.interval_s, s.values.tobytes(), s.quality.tobytes()),
+            )
+            for r in recordings
+            for role, s in r.signals.items()
+        ],
+        {**inspected, "tags": [repr(tag) for tag in inspected["tags"]]},
+    )

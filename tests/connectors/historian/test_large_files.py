@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian import HistorianFile, ReadOptions
-from stemwatch.connectors.historian.connector import propose_valves
+from stemwatch.connectors.historian import ReadOptions
 from stemwatch.connectors.historian.opened_file import open_file
 from stemwatch.connectors.historian.tables import large_file, text_pieces
+from tests.connectors.historian.example_exports import everything
 
 ROWS = 900
 START = datetime(2026, 10, 25, 0, 50, tzinfo=UTC)  # clocks are put back ten minutes later
@@ -128,27 +128,6 @@ READ_WHOLE = {
 }
 
 
-def everything(path: Path, options: ReadOptions) -> tuple[object, ...]:
-    """All that a user can ask, as plain values; or what is said instead."""
-    try:
-        source = HistorianFile(path, options)
-        recordings = [source.read(valve) for valve in propose_valves(source)]
-        inspected = source.inspect().to_dict()
-    except UnreadableSource as error:
-        return (str(error),)
-    return (
-        [
-            (
-                *(r.valve, r.interval_s, r.start, r.clock, r.provenance, role, s.tag, s.unit),
-                *(s.interval_s, s.values.tobytes(), s.quality.tobytes()),
-            )
-            for r in recordings
-            for role, s in r.signals.items()
-        ],
-        {**inspected, "tags": [repr(tag) for tag in inspected["tags"]]},
-    )
-
-
 @pytest.fixture
 def whole_and_in_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Reads a file both ways."""
@@ -156,7 +135,7 @@ def whole_and_in_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     def read(content: bytes, options: ReadOptions) -> tuple[tuple, tuple, bool]:
         path = tmp_path / "export.csv"
         path.write_bytes(content)
-        complete = everything(path, options)
+        complete = everything(path, options, UnreadableSource)
         monkeypatch.setattr(large_file, "LARGE_BYTES", 0)
         monkeypatch.setattr(text_pieces, "BLOCK", 10_000)
         monkeypatch.setattr(text_pieces, "HEAD_LINES", 700)
@@ -164,7 +143,7 @@ def whole_and_in_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
             in_pieces = open_file(path, options).in_pieces
         except UnreadableSource:
             in_pieces = False
-        return complete, everything(path, options), in_pieces
+        return complete, everything(path, options, UnreadableSource), in_pieces
 
     return read
 

@@ -16,12 +16,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from stemwatch.connectors.connector import ConnectorError, UnreadableSource
-from stemwatch.connectors.historian import HistorianFile, ReadOptions
-from stemwatch.connectors.historian.connector import propose_valves
+from stemwatch.connectors.historian import ReadOptions
 from stemwatch.connectors.historian.opened_file import open_file
 from stemwatch.connectors.historian.tables import large_file, row_pieces, text_pieces
 from stemwatch.connectors.historian.times import zones
-from tests.connectors.historian.example_exports import LAYOUTS, Kind, written
+from tests.connectors.historian.example_exports import LAYOUTS, Kind, everything, written
 
 ZONE = ReadOptions(zone="Europe/Berlin")
 
@@ -39,35 +38,14 @@ def small_pieces() -> Iterator[None]:
         yield
 
 
-def everything(path: Path, options: ReadOptions) -> tuple[object, ...]:
-    """All that a user can ask, as plain values; or what is said instead."""
-    try:
-        source = HistorianFile(path, options)
-        recordings = [source.read(valve) for valve in propose_valves(source)]
-        inspected = source.inspect().to_dict()
-    except ConnectorError as error:
-        return (str(error),)
-    return (
-        [
-            (
-                *(r.valve, r.interval_s, r.start, r.clock, r.provenance, role, s.tag, s.unit),
-                *(s.interval_s, s.values.tobytes(), s.quality.tobytes()),
-            )
-            for r in recordings
-            for role, s in r.signals.items()
-        ],
-        {**inspected, "tags": [repr(tag) for tag in inspected["tags"]]},
-    )
-
-
 def both_ways(kind: Kind, options: ReadOptions = ZONE) -> tuple[object, object, bool]:
     """What reading whole gives, what reading in pieces gives, and whether it was in pieces."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / ("export.csv.gz" if kind.packed else "export.csv")
         path.write_bytes(written(kind))
-        complete = everything(path, options)
+        complete = everything(path, options, ConnectorError)
         with small_pieces():
-            pieces = everything(path, options)
+            pieces = everything(path, options, ConnectorError)
             try:
                 in_pieces = open_file(path, options).in_pieces
             except UnreadableSource:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stemwatch.connectors.modbus.poller import PollSchedule, Slot
+from stemwatch.connectors.modbus.poll_schedule import PollSchedule, Slot
 
 EVERY_S = st.sampled_from([0.1, 0.25, 0.5, 1.0, 3.0, 10.0])
 

@@ -19,7 +19,8 @@ from stemwatch.models.mismatch.compression import (
     swinging_door_deviation,
 )
 from stemwatch.models.mismatch.evaluator import make_evaluator
-from stemwatch.models.mismatch.explain import explain, scores
+from stemwatch.models.mismatch.explain import explain
+from stemwatch.models.mismatch.null_scores import null_scores
 from stemwatch.models.mismatch.prepared_recording import prepare, problem_of, summary_of
 from stemwatch.models.mismatch.record_effects import measured_record
 from stemwatch.models.stickslip import kernel
@@ -176,7 +177,7 @@ def test_compression_alone_names_no_effect(seed):
     recording, stored = archived(simulated_by_chain(seed=seed))
     assert not explain(recording).effects
     counts = np.bincount(np.flatnonzero(stored) * 20 // stored.size, minlength=20).astype(float)
-    result = scores(recording).terms
+    result = null_scores(recording).terms
     assert result
     assert not convincing_any(result, counts)
 

@@ -17,9 +17,10 @@ from hypothesis import strategies as st
 
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import LEAST_OF_A_PAIR, strength
-from stemwatch.models.mismatch.explain import explain, of_rivals, scores
+from stemwatch.models.mismatch.explain import explain, of_rivals
 from stemwatch.models.mismatch.findings import Finding, Mismatch, TriedOutcome
 from stemwatch.models.mismatch.identifiability import NO_POSITION, PHYSICS
+from stemwatch.models.mismatch.null_scores import null_scores
 from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Role
@@ -380,14 +381,14 @@ def test_the_network_s_free_run_is_the_ceiling():
 
 def test_scores_are_those_of_all_terms_that_could_have_shown():
     """Calibration sees mean and t of each admissible term, none of the reading's, all finite."""
-    null = scores(simulated("null", 4001)[0])
+    null = null_scores(simulated("null", 4001)[0])
     result = null.terms
     refused = {item.slug for item in explained("null", 4001).not_testable}
     of_stem = {slug for slug, term in catalogue().items() if term.acts_on is not ActsOn.READING}
     assert set(result) == of_stem - refused
     assert all(np.isfinite(pair).all() for pair in result.values())
     assert null.pair < LEAST_OF_A_PAIR
-    assert {} == scores(recorded(command(), None)).terms
+    assert {} == null_scores(recorded(command(), None)).terms
 
 
 ODD_POSITIONS = {

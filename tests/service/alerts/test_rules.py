@@ -22,14 +22,13 @@ from stemwatch.models.mismatch.findings import (
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.models.wear_forecast import WearForecast
+from stemwatch.service.alerts.one_per_cause import faded, one_per_cause
 from stemwatch.service.alerts.rules import (
     AlertDecision,
     ValveRecord,
     alert_decision,
     apply_rules,
-    faded,
     has_grown,
-    one_per_cause,
 )
 from stemwatch.service.config.service_schema import AlertRules
 from stemwatch.service.presenter.advice import first_step, steps_for

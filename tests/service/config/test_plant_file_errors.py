@@ -161,7 +161,7 @@ def test_a_wrong_source_costs_its_own_valves_only(tmp_path: Path, line: str, exp
     assert mistake.startswith(f"plant.toml, line 4: sources[other].{expected}")
     assert left_out == (
         "plant.toml, line 1: sources[other]: found a source that is wrong, so its 7 valves are "
-        "left out (V0, V1, V2, V3, V4, ...); expected the mistakes in this source to be mended"
+        "left out (V0, V1, V2, V3, V4, ...); expected the mistakes in this source to be corrected"
     )
     assert (["s"], ["GOOD"]) == (list(plant.sources), list(plant.valves))
 

@@ -21,7 +21,6 @@ from stemwatch.service.maintenance.drawing import (
     hatching,
     span,
     svg_of,
-    ticks,
 )
 from stemwatch.service.maintenance.evidence_picture import NO_SAMPLES, NOTHING_TO_DRAW, picture_of
 from tests.service.report.conftest import recording, screening, unknown, without_mv
@@ -140,16 +139,6 @@ def test_a_rest_is_drawn_by_its_ends():
     (line,) = panel.lines(x, y, 1.0)
     kept = [(0.0, 90.0), (30.0, 90.0), (30.0, 60.0), (60.0, 60.0), (50.0, 60.0), (70.0, 10.0)]
     assert line.points == tuple(kept)
-
-
-@given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6))
-def test_ticks_lie_evenly_inside_their_axis(low, width):
-    """At least one, at most eight, at equal steps."""
-    result = ticks(low, low + width)
-    assert 1 <= len(result) <= 8
-    steps = np.diff(result)
-    assert np.allclose(steps, steps[0]) if len(steps) else True
-    assert all(low - 1e-6 * width <= item <= low + width * (1 + 1e-6) for item in result)
 
 
 def test_a_flat_line_has_room_around_it():

@@ -22,7 +22,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.oscillation_groups.plant_groups import GroupMember, OscillationGroup
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.cli import views
+from stemwatch.service.cli import screening_views as views
 from stemwatch.service.maintenance.maintenance_html import work_list_html
 from stemwatch.service.maintenance.pdf import work_list_pdf
 from stemwatch.service.maintenance.stored import report_of_store

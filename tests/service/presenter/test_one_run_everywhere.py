@@ -29,7 +29,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.digest import message_of
 from stemwatch.service.alerts.evaluate import gathered
 from stemwatch.service.alerts.rules import apply_rules
-from stemwatch.service.cli import views
+from stemwatch.service.cli import screening_views as views
 from stemwatch.service.config import load_plant
 from stemwatch.service.maintenance.labels import labels_csv
 from stemwatch.service.maintenance.maintenance_html import work_list_html

@@ -16,6 +16,7 @@ from stemwatch.models.validity_checks import reversed_obstacles
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.presenter import work_decision as k
 from stemwatch.service.presenter.finding import present
+from stemwatch.service.presenter.work_counts import count_valves
 from tests.service.example_mismatches import named
 from tests.service.report.conftest import screening, stick_slip
 
@@ -182,7 +183,7 @@ def test_valves_are_counted_as_valves_and_recordings_as_recordings():
         *[("FV-3", item) for item in (blind, blind)],
         ("FV-4", sticky(verdict=Verdict.WATCH)),
     ]
-    counts = k.count_valves((valve, k.decide(item, stands=None)) for valve, item in created)
+    counts = count_valves((valve, k.decide(item, stands=None)) for valve, item in created)
     assert (counts.valves, counts.recordings) == (4, 8)
     assert counts.sentence == (
         "1 of 4 valves needs work; 1 to watch, 1 cannot be judged, 1 without work (8 recordings)."
@@ -192,6 +193,6 @@ def test_valves_are_counted_as_valves_and_recordings_as_recordings():
 def test_where_nothing_can_be_judged_nobody_is_told_that_all_is_well():
     """The number of valves without a verdict is in the sentence."""
     blind = sticky(verdict=Verdict.UNDETERMINED, reason="Cannot tell: too short.")
-    counts = k.count_valves([("FV-1", k.decide(blind, stands=None))])
+    counts = count_valves([("FV-1", k.decide(blind, stands=None))])
     assert counts.sentence == "None of 1 valve can be judged."
-    assert k.count_valves([]).sentence == "No valve was screened."
+    assert count_valves([]).sentence == "No valve was screened."

@@ -12,22 +12,13 @@ import pytest
 from stemwatch.models.position_histograms import position_histograms
 from stemwatch.models.recording import Role, Signal
 from stemwatch.service.report import ValveFacts, html_page, write_report
+from tests.service.browser_windows import colours_drawn
 
 pytestmark = pytest.mark.browser
 
 
 def tags(page) -> list[str]:
     return page.locator("#ranking-table tbody tr:visible .c-valve a").all_inner_texts()
-
-
-def colours_drawn(page, selector: str) -> int:
-    """How many different colours the canvas inside ``selector`` shows."""
-    return page.locator(f"{selector} canvas").first.evaluate(
-        """canvas => {
-            const area = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
-            return new Set(new Uint32Array(area.data.buffer)).size;
-        }"""
-    )
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])

@@ -13,7 +13,7 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.models.without_position.picture import ElementTraces
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
-from stemwatch.service.cli import views
+from stemwatch.service.cli import screening_views as views
 from stemwatch.service.maintenance.work_list import work_list_of
 from stemwatch.service.presenter.suspicion_words import (
     HOW_SURE,

@@ -34,10 +34,6 @@ def group(start: datetime | None = START, loops: tuple[str, ...] = LOOPS) -> Osc
     )
 
 
-def without_pictures(found: OscillationGroup) -> OscillationGroup:
-    return replace(found, strength=(), periods_s=(), spectra=())
-
-
 def screened(
     store: Store, make_screening: MakeScreening, start: datetime, loops: tuple[str, ...] = LOOPS
 ) -> int:
@@ -98,14 +94,13 @@ def test_runs_over_parts_of_a_plant_leave_a_group_as_it_is(
     store: Store, make_screening: MakeScreening
 ) -> None:
     """A run over half of its loops, or over each of them alone, would not find it. Of the same
-    window the whole group is shown, and the run knows the part that it found."""
+    window the whole group is shown."""
     loops = (*LOOPS, "PIC-4")
     whole = group(loops=loops)
     first = screened(store, make_screening, START, loops)
     store.keep_oscillations(first, [whole])
     part = screened(store, make_screening, START, loops[:2])
     store.keep_oscillations(part, [group(loops=loops[:2])])
-    assert store.oscillations_of_run(part) == [without_pictures(group(loops=loops[:2]))]
     for loop in loops:
         screened(store, make_screening, START + DAY, (loop,))
     (kept,) = store.oscillations(NOW)
@@ -132,14 +127,6 @@ def test_the_same_window_again_replaces_its_groups(
         (first, 0.1),
         (repeated, 0.7),
     ]
-
-
-def test_a_run_knows_its_own_groups(store: Store) -> None:
-    """Whenever its window was, and none of another run."""
-    first, second = (store.begin_run(software_version="1") for _ in range(2))
-    store.keep_oscillations(first, [group(START), group(None, ("X", "Y"))])
-    assert {found.start for found in store.oscillations_of_run(first)} == {START, None}
-    assert store.oscillations_of_run(second) == []
 
 
 def test_undated_groups_are_kept_by_run(store: Store, make_screening: MakeScreening) -> None:

@@ -6,11 +6,8 @@ import json
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 import typer
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from stemwatch.models.limits import Limits
@@ -23,7 +20,6 @@ from stemwatch.service.studies.drift import (
     DriftBatch,
     Followed,
     ValveFate,
-    auc,
     calibrated_limit,
     follow_batch,
     run_drift,
@@ -136,42 +132,8 @@ def test_scores_leave_out_valves_that_have_none() -> None:
     assert [1.0, 1.2, 3.4] == scores(MADE, *HEALTHY)
 
 
-@pytest.mark.parametrize(
-    ("healthy", "growing", "expected"),
-    [([1.0, 2.0], [3.0], 1.0), ([3.0], [1.0, 2.0], 0.0), ([1.0, 3.0], [2.0, 3.0], 0.625)],
-)
-def test_the_area_is_the_share_of_pairs_in_order(healthy, growing, expected) -> None:
-    """Every pair counts once, a tie half."""
-    area = auc(healthy, growing)
-    assert expected == pytest.approx(area.value)
-    assert area.low <= area.value <= area.high
-
-
-def test_the_interval_of_a_perfect_area_is_not_empty() -> None:
-    """At 1 the lower end solves 1 - A = 1.96 standard errors, and more valves bring it nearer."""
-    few, several = (auc(np.zeros(n).tolist(), np.ones(n).tolist()) for n in (5, 50))
-    assert few.low < several.low < 1.0
-    assert 1.0 == few.high == several.high
-    A, n = several.low, 50
-    variance = A * (1 - A) * (1 + (n - 1) * ((1 - A) / (2 - A) + A / (1 + A))) / n**2
-    assert 1.0 - A == pytest.approx(1.959964 * np.sqrt(variance), rel=1e-6)
-
-
-@given(
-    healthy=st.lists(st.floats(0, 9), min_size=1, max_size=30),
-    growing=st.lists(st.floats(0, 9), min_size=1, max_size=30),
-)
-@settings(max_examples=50, deadline=None)
-def test_the_interval_holds_the_area_and_mirrors(healthy, growing) -> None:
-    """Whatever the scores, 0 <= low <= area <= high <= 1, and changing sides gives 1 - area."""
-    area, mirrored = auc(healthy, growing), auc(growing, healthy)
-    assert 0.0 <= area.low <= area.value <= area.high <= 1.0
-    assert 1.0 == pytest.approx(area.value + mirrored.value)
-
-
-def test_an_empty_group_has_no_area_and_no_limit() -> None:
+def test_without_healthy_scores_there_is_no_limit() -> None:
     """Nothing is made up where nothing was scored."""
-    assert "no valve of one group could be scored" in auc([], [1.0]).reason
     assert calibrated_limit([], 0.02) is None
 
 

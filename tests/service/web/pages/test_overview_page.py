@@ -18,7 +18,7 @@ from stemwatch.service.presenter.suspicion_words import (
     next_steps,
     suspected_sentence,
 )
-from stemwatch.service.presenter.work_decision import WorkCounts
+from stemwatch.service.presenter.work_counts import WorkCounts
 from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.runs.schedule import ScreeningSchedule

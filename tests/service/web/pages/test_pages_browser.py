@@ -12,7 +12,7 @@ import pytest
 from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.web.site import Site
-from tests.service.browser_windows import Windows
+from tests.service.browser_windows import Windows, colours_drawn
 from tests.service.open_alerts import open_alerts
 from tests.service.web.example_plant import HOSTILE, NOW, STICKY, plant_of, screening, serving
 from tests.service.web.signed_in import NAMES, cookie_of
@@ -74,16 +74,6 @@ def valve_path(valve: str) -> str:
     return valve_link(valve)
 
 
-def colours(page, selector: str) -> int:
-    """How many different colours the canvas inside ``selector`` shows."""
-    return page.locator(f"{selector} canvas").first.evaluate(
-        """canvas => {
-            const area = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
-            return new Set(new Uint32Array(area.data.buffer)).size;
-        }"""
-    )
-
-
 def drawn(page):
     """The page once its plots stand."""
     for name in ("travel", "loop", "S", "J"):
@@ -105,7 +95,7 @@ def test_a_valves_plots_are_drawn(opened, theme, size):
     """Signals, loop and months have their lines, on a phone and in the dark as well."""
     page = drawn(opened.page(valve_path(STICKY), color_scheme=theme, viewport=size))
     for name in ("travel", "loop", "S", "J"):
-        assert colours(page, f".plot-{name}") > 8
+        assert colours_drawn(page, f".plot-{name}") > 8
     assert page.locator("html").get_attribute("data-theme") == theme
     assert page.evaluate("document.documentElement.scrollWidth") <= size["width"]
     assert "2026-03-30" in page.locator(".view b").inner_text()
@@ -301,7 +291,7 @@ def test_a_page_stays_when_the_service_goes(opened):
     page.context.set_offline(True)
     page.get_by_role("button", name="Earlier").click()
     page.locator(".view span").filter(has_text="does not answer").wait_for()
-    assert colours(page, ".plot-travel") > 8
+    assert colours_drawn(page, ".plot-travel") > 8
     opened.errors[:] = [
         error for error in opened.errors if "ERR_INTERNET_DISCONNECTED" not in error
     ]

@@ -11,12 +11,13 @@ from starlette.datastructures import QueryParams
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.wording import finite
+from stemwatch.service.report.bars import bar_top
 from stemwatch.service.report.ranking import rank_valves
 from stemwatch.service.report.report_context import ReportContext
 from stemwatch.service.store.screenings.ranking import SORTS, RankingFilter
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import open_store
-from stemwatch.service.web.pages.ranking_page import bar_top, link, wanted_of
+from stemwatch.service.web.pages.ranking_page import link, wanted_of
 from tests.service.web.example_plant import (
     BLIND,
     HEALTHY,

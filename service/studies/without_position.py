@@ -8,7 +8,7 @@ from hashlib import sha256
 
 import numpy as np
 
-from stemwatch.models.recording import Floats, Recording, Role, Signal
+from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.studies.loops.draws import DrawnLoop, draw_loop
 from stemwatch.models.studies.loops.examples import (
     LoopExample,
@@ -35,6 +35,7 @@ from stemwatch.models.without_position.suspicion import (
     sticking_score,
 )
 from stemwatch.service.executors import Executor, map_in_order
+from stemwatch.service.studies.roc import area_under_roc, sensitivity
 
 FALSE_ALARMS = 0.02  # share of sound loops that may be suspected, of those that can be judged
 MISSED = 0.1  # share of sticking loops that may be told that their S would have shown
@@ -291,7 +292,7 @@ FAMILIES: Mapping[str, Callable[[LoopToDraw], tuple[Recording, float, str]]] = {
 }
 
 
-def run_position_free(
+def run_study(
     judge: Judge, loops: int, seed: int, executor: Executor, on_progress: Callable[[int], None]
 ) -> list[StudiedLoop]:
     """What ``judge`` says of ``loops`` loops of each family, every other one sticking."""
@@ -360,20 +361,9 @@ def _family_row(family: str, answers: Sequence[StudiedLoop]) -> FamilyRow:
         no_sign=count(Suspicion.NO_SIGN),
         cannot_tell=count(Suspicion.CANNOT_TELL),
         missed=sum(answer.should_have_shown for answer in answers),
-        auc=auc(good, bad),
+        auc=area_under_roc(good, bad),
         sensitivity=(sensitivity(good, bad, 0.02), sensitivity(good, bad, 0.05)),
         found=(sensitivity(*alarms, 0.02), sensitivity(*alarms, 0.05)),
         error=float(np.median(errors)) if errors else float("nan"),
         held=(int(covered), len(right)),
     )
-
-
-def auc(good: Floats, bad: Floats) -> float:
-    """The probability that one of ``good`` (n,) scores higher than one of ``bad`` (m,): the area
-    under the ROC curve."""
-    return float(np.mean((good[:, None] > bad) + 0.5 * (good[:, None] == bad)))
-
-
-def sensitivity(good: Floats, bad: Floats, alarms: float) -> float:
-    """The share of ``good`` above all but a share ``alarms`` of ``bad``."""
-    return float(np.mean(good > max(float(np.quantile(bad, 1.0 - alarms)), 0.0)))

@@ -10,9 +10,10 @@ from rich.console import Console
 from rich.table import Table
 
 from stemwatch.models.without_position.suspicion import Suspicion, trained_judge
-from stemwatch.service.cli.position_free import _tables
+from stemwatch.service.cli.study_without_position import _tables
 from stemwatch.service.executors import InProcess
-from stemwatch.service.studies.position_free import (
+from stemwatch.service.studies.several_recordings import RecordedLoop, in_order_rows
+from stemwatch.service.studies.without_position import (
     FAMILIES,
     FamilyRow,
     StudiedLoop,
@@ -20,10 +21,9 @@ from stemwatch.service.studies.position_free import (
     items_of_training,
     limits_of,
     look_item,
-    run_position_free,
+    run_study,
     run_training,
 )
-from stemwatch.service.studies.several_recordings import RecordedLoop, in_order_rows
 from tests.service.report.test_without_position import no_sign, suspected
 
 
@@ -59,7 +59,7 @@ def test_the_limits_come_from_their_loops(trained) -> None:
 @pytest.mark.long
 def test_every_family_is_asked_and_counted(trained) -> None:
     """Every loop once, in one of three answers."""
-    answers = run_position_free(trained, 4, 5151, InProcess(), lambda _: None)
+    answers = run_study(trained, 4, 5151, InProcess(), lambda _: None)
     rows = [row for row in family_rows(answers) if "swings" not in row.family]
     assert [row.family for row in rows] == list(FAMILIES)
     for row in rows:

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
     from stemwatch.models.without_position.suspicion import Judge
     from stemwatch.service.executors import Executor
-    from stemwatch.service.studies.position_free import FamilyRow
     from stemwatch.service.studies.several_recordings import InOrderRow, RecordedLoop, TogetherRow
+    from stemwatch.service.studies.without_position import FamilyRow
 
 
 def study_without_position(
@@ -60,15 +60,15 @@ def study_without_position(
 
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
-    from stemwatch.service.studies.position_free import (
-        FAMILIES,
-        family_rows,
-        run_position_free,
-    )
     from stemwatch.service.studies.several_recordings import (
         in_order_rows,
         run_several_recordings,
         together_rows,
+    )
+    from stemwatch.service.studies.without_position import (
+        FAMILIES,
+        family_rows,
+        run_study,
     )
 
     if save is not None and train is None:
@@ -78,7 +78,7 @@ def study_without_position(
     with Progress(console=views.err, transient=True) as progress:
         judge = _judge(train, train_seed, save, executor, progress)
         bar = progress.add_task("loops", total=loops * len(FAMILIES))
-        answers = run_position_free(
+        answers = run_study(
             judge, loops, seed, executor, lambda n: progress.update(bar, completed=n)
         )
         bar = progress.add_task("loops recorded again", total=loops)
@@ -100,7 +100,11 @@ def _judge(
 ) -> Judge:
     """The networks in use, or those that are trained now."""
     from stemwatch.models.without_position.suspicion import trained_judge
-    from stemwatch.service.studies.position_free import items_of_training, module_of, run_training
+    from stemwatch.service.studies.without_position import (
+        items_of_training,
+        module_of,
+        run_training,
+    )
 
     if train is None:
         return trained_judge()

@@ -9,9 +9,9 @@ import pytest
 
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.bend_or_slope import bent_instead, departure
 from stemwatch.models.mismatch.crossfit import CAREFUL, LOOK, crossfit, refit
 from stemwatch.models.mismatch.reading_errors import findings
+from stemwatch.models.mismatch.reading_rivals import bent_instead, departure
 from stemwatch.models.mismatch.terms import catalogue
 from tests.models.mismatch.fitted_chain import (
     candidate,
