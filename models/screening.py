@@ -39,6 +39,7 @@ from stemwatch.models.mismatch.between_samples import Archive, as_sampled
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.mismatch.record_effects import late_effect, scan_sentence
+from stemwatch.models.mismatch.rivals import on_site
 from stemwatch.models.narx.architecture import StickSlipStart
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
@@ -410,8 +411,10 @@ def _without_verdict(fitted: _Fitted) -> Screening:
     obstacles: tuple[Obstacle, ...] = fitted.assessment.obstacles
     unknown = Estimate.unknown(obstacles[0].reason, unit=PERCENT)
     residuals: dict[str, Residual | None] = {"stiction": None, "narx": None, "baseline": None}
-    numbers = indicators.of_recording(fitted.assessment.recording)
-    return _screening(fitted, undetermined(obstacles), unknown, unknown, residuals, numbers)
+    recording = fitted.assessment.recording
+    numbers = indicators.of_recording(recording)
+    screening = _screening(fitted, undetermined(obstacles), unknown, unknown, residuals, numbers)
+    return replace(screening, open_question=on_site(None, recording, fitted.curve))
 
 
 def _estimate(draws: Floats, value: float) -> Estimate:

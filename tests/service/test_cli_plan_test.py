@@ -103,10 +103,11 @@ def test_valve_without_a_verdict_gets_the_bump_test_from_store_and_file(database
     """No movement, no verdict: the test that would give one."""
     stored = run("FIC-2", "--db", database, *QUICK)
     assert "bump test" in stored.output
+    assert "OP was last at 42.0 %" in stored.output
     read = run(str(still), *QUICK, "--op", "FIC1.OP", "--mv", "FIC1.MV")
     assert read.exit_code == 0, read.output
     assert "bump test" in read.output
-    assert "42.0" in read.output
+    assert "OP was last at 42.0 %" in read.output
 
 
 def test_a_file_is_read_with_the_options_of_every_command_that_reads(still, tmp_path):
