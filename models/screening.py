@@ -59,7 +59,7 @@ from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, inte
 from stemwatch.models.stickslip.op_within_steps import WITHIN_STEPS
 from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import make_problem
-from stemwatch.models.stickslip.stored_range import in_percent, range_of_both
+from stemwatch.models.stickslip.stored_range import in_percent, range_of_both, range_of_op
 from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve, in_travel
 from stemwatch.models.validity_checks import OP_AT_REST
 from stemwatch.models.verdict import Verdict
@@ -510,6 +510,7 @@ def _with_verdict(
         baseline_ratio=compared.ratio,
         cycling_s=cycle.period_s if cycle is not None and cycle.regular else None,
         both_in=range_of_both(fitted.case.recording),
+        op_in=range_of_op(fitted.case.recording),
         sampling=fitted.archive.reason if fitted.archive is not None else "",
         unit_s=fitted.recording.unit_s,
         swings=_own_swing(fit, mismatch),
