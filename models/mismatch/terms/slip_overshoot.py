@@ -103,7 +103,9 @@ class SlipOvershoot(ReadingTerm):
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
         speed = parameters["v_c"]
-        quick = "1 %/s" if speed.at_least is not None else about_value(speed, 0.25)
+        quick = about_value(speed, 0.25)
+        if speed.at_least is not None:
+            quick = f"{0.25 * speed.at_least:.1g} {speed.unit}"
         return FieldTest(
             do=(
                 f"Loop in manual: ramp OP over 10 % at {quick}, and watch the stem or record it "
