@@ -55,6 +55,22 @@ def test_version_upgrade_and_downgrade(stemwatch, site: str) -> None:
     assert stemwatch("db", "check", "--db", site).status == 0
 
 
+def test_the_version_of_a_newer_program_leads_to_that_program(stemwatch, site: str) -> None:
+    """An upgrade by this program is not offered: it would be refused."""
+    with closing(sqlite3.connect(site.removeprefix("sqlite:///"))) as connection:
+        connection.execute("UPDATE alembic_version SET version_num = '9999'")
+        connection.commit()
+    said = stemwatch("db", "version", "--db", site).said
+    assert "schema 9999;" in said
+    taken_back = f"by `stemwatch db downgrade {newest_revision()}`"
+    words = " ".join(said.split())
+    assert f"install that version, or take the schema back with it, {taken_back}" in words
+    assert "db upgrade" not in said
+    refused = stemwatch("db", "downgrade", "0010", "--yes", "--db", site)
+    assert refused.status == 2
+    assert "written by a newer stemwatch (schema 9999" in refused.said
+
+
 def test_looking_makes_no_database(stemwatch, tmp_path: Path) -> None:
     """A misspelt name is an error, not an empty database."""
     url = f"sqlite:///{tmp_path / 'misspelt.db'}"
