@@ -94,6 +94,7 @@ class DecisionEvidence:
     cycling_s: float | None  # period of the loop's regular oscillation, on the record's own clock
     unit_s: float = 1.0  # seconds in the unit of that, see ``own_clock``
     both_in: StoredRange | None = None  # in which OP and position may both be stored, unscaled
+    op_in: StoredRange | None = None  # in which OP alone may be stored, unscaled
     sampling: str = ""  # why the sampling is too slow to show how the stem moved, or empty
     swings: OwnSwing | None = None  # of the position alone, without its command
 
@@ -180,7 +181,7 @@ def _sticky(evidence: DecisionEvidence, limits: Limits) -> Decision:
     cycle = ""
     if evidence.cycling_s is not None:
         cycle = f"; the loop cycles every {period(evidence.cycling_s, evidence.unit_s)}"
-    return Decision(
+    decision = Decision(
         verdict=Verdict.STICKY,
         reason=(
             f"The stem sticks: after a reversal OP must move {_width(evidence)} before the stem "
@@ -191,6 +192,8 @@ def _sticky(evidence: DecisionEvidence, limits: Limits) -> Decision:
         severity=50.0 + 50.0 * float(1.0 - np.exp(-(S + J) / 8.0)),
         confidence=_share(evidence.S_draws >= limits.sticky_S_percent),
     )
+    # Sticky in either range; but S and J are not those of the valve.
+    return decision if evidence.op_in is None else _in_either_range(decision, evidence)
 
 
 def _not_described(unexplained: str, sampling: str) -> Decision:
@@ -285,25 +288,37 @@ def _healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
 
 
 def _unless_stored_so(decision: Decision, evidence: DecisionEvidence, limit: float) -> Decision:
-    """``decision`` with half the confidence at most, and with the ranges to give, where OP and
-    position may both be stored in another range, in which S reaches ``limit``, percent.
+    """``decision`` with half the confidence at most, and with the ranges to give, where OP, or OP
+    and position, may be stored in another range, in which S reaches ``limit``, percent.
     """
-    stored, S = evidence.both_in, float(evidence.S.value or 0.0)
+    stored, S = evidence.both_in or evidence.op_in, float(evidence.S.value or 0.0)
     if stored is None or decision.confidence is None or stored.times * S < limit:
         return decision
+    doubted = replace(decision, confidence=min(decision.confidence, EITHER_RANGE))
+    return _in_either_range(doubted, evidence)
+
+
+def _in_either_range(decision: Decision, evidence: DecisionEvidence) -> Decision:
+    """``decision`` with the S of the other range, and what to give in the plant file."""
+    stored = evidence.both_in or evidence.op_in
+    assert stored is not None
+    in_range, S = f"{stored.low:g} to {stored.high:g}", float(evidence.S.value or 0.0)
+    if evidence.both_in is not None:
+        seen, which = f"OP and position both stay within {in_range}: if they are", "OP and position"
+        are, both = "are", "both"
+    else:
+        seen = f"OP stays within {in_range}, far from where the position is: if it is"
+        which, are, both = "OP", "is", "it"
     return replace(
         decision,
         reason=(
-            f"{decision.reason} OP and position both stay within {stored.low:g} to "
-            f"{stored.high:g}: if they are stored in {stored.unit}, S is "
-            f"{_percent(stored.times * S)}."
+            f"{decision.reason} {seen} stored in {stored.unit}, S is {_percent(stored.times * S)}."
         ),
         advice=(
-            f"See whether OP and position are in percent. If they are in {stored.unit}, give low = "
-            f"{stored.low:g}, high = {stored.high:g} for both in the plant file, else low = 0, "
-            f"high = 100. {decision.advice}"
+            f"See whether {which} {are} in percent. If {'they' if are == 'are' else 'it'} {are} in "
+            f"{stored.unit}, give low = {stored.low:g}, high = {stored.high:g} for {both} in the "
+            f"plant file, else low = 0, high = 100. {decision.advice}"
         ),
-        confidence=min(decision.confidence, EITHER_RANGE),
     )
 
 

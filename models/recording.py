@@ -138,6 +138,12 @@ class Provenance:
     digest: str = ""  # sha256 of the source's bytes, hexadecimal
     layout: str = ""  # what the reader understood, in words
     decisions: tuple[str, ...] = ()  # each choice the reader made, one sentence each
+    position_question: str = ""  # which tag may be the position that was not read; else empty
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """The decisions and the question, one sentence each."""
+        return tuple(filter(None, (*self.decisions, self.position_question)))
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

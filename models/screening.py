@@ -39,6 +39,7 @@ from stemwatch.models.mismatch.between_samples import Archive, as_sampled
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.mismatch.record_effects import late_effect, scan_sentence
+from stemwatch.models.mismatch.rivals import on_site
 from stemwatch.models.narx.architecture import StickSlipStart
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
@@ -58,7 +59,7 @@ from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, inte
 from stemwatch.models.stickslip.op_within_steps import WITHIN_STEPS
 from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import make_problem
-from stemwatch.models.stickslip.stored_range import in_percent, range_of_both
+from stemwatch.models.stickslip.stored_range import in_percent, range_of_both, range_of_op
 from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve, in_travel
 from stemwatch.models.validity_checks import OP_AT_REST
 from stemwatch.models.verdict import Verdict
@@ -410,8 +411,10 @@ def _without_verdict(fitted: _Fitted) -> Screening:
     obstacles: tuple[Obstacle, ...] = fitted.assessment.obstacles
     unknown = Estimate.unknown(obstacles[0].reason, unit=PERCENT)
     residuals: dict[str, Residual | None] = {"stiction": None, "narx": None, "baseline": None}
-    numbers = indicators.of_recording(fitted.assessment.recording)
-    return _screening(fitted, undetermined(obstacles), unknown, unknown, residuals, numbers)
+    recording = fitted.assessment.recording
+    numbers = indicators.of_recording(recording)
+    screening = _screening(fitted, undetermined(obstacles), unknown, unknown, residuals, numbers)
+    return replace(screening, open_question=on_site(None, recording, fitted.curve))
 
 
 def _estimate(draws: Floats, value: float) -> Estimate:
@@ -507,6 +510,7 @@ def _with_verdict(
         baseline_ratio=compared.ratio,
         cycling_s=cycle.period_s if cycle is not None and cycle.regular else None,
         both_in=range_of_both(fitted.case.recording),
+        op_in=range_of_op(fitted.case.recording),
         sampling=fitted.archive.reason if fitted.archive is not None else "",
         unit_s=fitted.recording.unit_s,
         swings=_own_swing(fit, mismatch),

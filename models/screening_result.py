@@ -10,6 +10,7 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.mismatch.open_question import OpenQuestion
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.position_histograms import PositionHistograms
 from stemwatch.models.recording import Floats, Provenance, Recording, Role
@@ -128,6 +129,8 @@ class Screening:
     kept: RecordingFacts | None = None  # facts of the whole, where samples were dropped
     provenance: Provenance = field(default_factory=lambda: Provenance(source="memory"))
     mismatch: Mismatch | None = None  # what S and J leave out; None where nothing was fitted
+    # OP, PV and noise for a test, where there is no ``mismatch`` that has them
+    open_question: OpenQuestion | None = None
     # evidence from OP and PV alone; None: not computed
     without_position: WithoutPosition | None = None
     stroke_curve: StrokeCurve | None = None  # where OP is not percent for percent of travel

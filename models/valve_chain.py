@@ -265,6 +265,9 @@ def valve_chain(screening: Screening) -> ValveChain | str:
             f"{' and '.join(slug.replace('_', ' ') for slug in effects)} was named by a version "
             "that did not keep the fitted model; screen it again"
         )
+    elif lacking := question.published.terms.keys() - _OF_TERM.keys():
+        names = " and ".join(sorted(slug.replace("_", " ") for slug in lacking))
+        return f"models for other simulators do not have {names}, which was named"
     else:
         own |= _of_published(question)
         own["record_time"] = question.duration * unit_s or own["record_time"]

@@ -7,9 +7,10 @@
     work.to_frame()                                         the most urgent first
 
 ``read`` gives one valve's ``Recording``, ``screen`` the verdict with S and J, ``explain`` what S
-and J leave out, ``simulate`` a recording with known S and J. These names are promised; what stands
-in the packages below may change with any version. ``stemwatch.service``, ``stemwatch.connectors``
-and ``stemwatch.models`` are described in docs/architecture.md.
+and J leave out, ``twin`` the loop to be run again as it might be, ``plan_test`` the field test that
+tells what was left open, ``simulate`` a recording with known S and J. These names are promised;
+what stands in the packages below may change with any version. ``stemwatch.service``,
+``stemwatch.connectors`` and ``stemwatch.models`` are described in docs/architecture.md.
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from stemwatch.functions import explain as explain
+    from stemwatch.functions import plan_test as plan_test
     from stemwatch.functions import read as read
     from stemwatch.functions import screen as screen
     from stemwatch.functions import simulate as simulate
+    from stemwatch.functions import twin as twin
     from stemwatch.models.recording import Recording as Recording
 
     __version__: str
@@ -29,11 +32,22 @@ if TYPE_CHECKING:
 _PLACES = {
     "Recording": "stemwatch.models.recording",
     "explain": "stemwatch.functions",
+    "plan_test": "stemwatch.functions",
     "read": "stemwatch.functions",
     "screen": "stemwatch.functions",
     "simulate": "stemwatch.functions",
+    "twin": "stemwatch.functions",
 }
-__all__ = ["Recording", "__version__", "explain", "read", "screen", "simulate"]
+__all__ = [
+    "Recording",
+    "__version__",
+    "explain",
+    "plan_test",
+    "read",
+    "screen",
+    "simulate",
+    "twin",
+]
 
 
 def __getattr__(name: str) -> object:

@@ -1,4 +1,5 @@
-"""``read``, ``screen``, ``explain`` and ``simulate``: what ``import stemwatch`` promises."""
+"""``read``, ``screen``, ``explain``, ``twin``, ``plan_test`` and ``simulate``: what ``import
+stemwatch`` promises."""
 
 from __future__ import annotations
 
@@ -21,6 +22,7 @@ from stemwatch.inputs import (
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import Screening
+from stemwatch.next_steps import LoopTwin, PlannedTest
 from stemwatch.results import (
     ExplainedValve,
     ExplainedValves,
@@ -284,6 +286,116 @@ def explain(
     recordings = several(data, inputs) if many else [one_recording(data, inputs)]
     valves, discoveries = explained([_explained(item, narx) for item in recordings])
     return ExplainedValves(valves, discoveries) if many else valves[0]
+
+
+def twin(
+    data: OneValve | FilePath | ScreenedValve | None = None, **how: Unpack[ReadAs]
+) -> LoopTwin:
+    """The loop around a valve, fitted, to be run again: repaired, tuned otherwise, with a knocker.
+
+    Args:
+        data: What ``screen`` gave for the valve, or one valve as ``read`` takes it, which is then
+            screened. It needs OP, position and PV, and the set point where there is one.
+        **how: As ``read`` takes them.
+
+    The controller's law and the process are fitted to OP, position, PV and set point; the valve has
+    its fitted S and J. What else moved the loop is kept and played again, so that each change shows
+    what it would have done on the same day, with a 90 % interval (docs/twin.md).
+
+    Returns:
+        A ``LoopTwin``: ``to_frame()`` compares the usual changes, ``what_if(S=0, J=0)`` predicts
+        one of your own.
+
+    Raises:
+        ConnectorError, TypeError: As ``read``.
+        ValueError: As ``read``; or the loop cannot be run again, with the reason.
+
+    Example:
+        >>> import stemwatch as sw
+        >>> loop = sw.twin(sw.simulate(S=5, J=1.5, minutes=30))
+        >>> saved = loop.what_if(S=0, J=0).fall("error_std", squared=True)  # % of the variance
+        >>> saved.low < saved.value < saved.high
+        True
+    """
+    from stemwatch.service.twin.loop_twin import loop_twin
+
+    found = data if isinstance(data, ScreenedValve) else _screened_for_its_twin(read(data, **how))
+    if isinstance(data, ScreenedValve) and how:
+        raise ValueError(f"{', '.join(how)}: a valve that was screened has its signals already")
+    if found.recording is None:
+        raise ValueError(f"{found.valve}: the loop cannot be run again: {found.reason}")
+    loop = loop_twin(found.recording, found.screening)
+    if isinstance(loop, str):
+        raise ValueError(f"{found.valve}: the loop cannot be run again: {loop}")
+    return LoopTwin(found.valve, loop)
+
+
+def plan_test(
+    data: OneValve | FilePath | ScreenedValve | ExplainedValve | None = None,
+    *,
+    amplitude: float = 5.0,
+    minutes: float = 10.0,
+    pv_upset: float | None = None,
+    op_low: float = 5.0,
+    op_high: float = 95.0,
+    op_now: float | None = None,
+    **how: Unpack[ReadAs],
+) -> PlannedTest:
+    """The field test that would tell what a recording left open, within limits.
+
+    Args:
+        data: What ``screen`` or ``explain`` gave for the valve, or one valve as ``read`` takes it,
+            which is then explained.
+        amplitude: How far OP may go either way, percent.
+        minutes: How long the test may take.
+        pv_upset: How far PV may change, in its unit; else as far as it moved in the recording.
+        op_low, op_high: Limits of OP, percent.
+        op_now: Where OP is, percent; else where the recording ended.
+        **how: As ``read`` takes them.
+
+    The moves are chosen so that the two explanations that are hardest to tell apart differ most,
+    as in T-optimal designs (Atkinson and Fedorov 1975, https://doi.org/10.1093/biomet/62.1.57);
+    a valve without a verdict gets the bump test that would give one (docs/plan-test.md). A person
+    sets OP: stemwatch never writes to a plant.
+
+    Returns:
+        A ``PlannedTest``: ``sentence``, ``probability``, ``to_frame()`` with the values of OP,
+        ``write(folder)`` for the sheet as HTML and PDF.
+
+    Raises:
+        ConnectorError, TypeError: As ``read``.
+        ValueError: As ``read``; a limit that makes no sense.
+
+    Example:
+        >>> import stemwatch as sw
+        >>> test = sw.plan_test(sw.simulate(S=3, J=1, minutes=20), minutes=3)
+        >>> test.kind
+        <PlanKind.NOTHING_LEFT: 'nothing_left'>
+    """
+    from stemwatch.models.field_test.programme import TestLimits
+    from stemwatch.service.field_test.plan_from_screening import plan_of, plan_of_screening
+    from stemwatch.service.field_test.sheet import sheet_of
+
+    limits = TestLimits(
+        amplitude=amplitude,
+        duration_s=60.0 * minutes,
+        pv_upset=pv_upset,
+        op_low=op_low,
+        op_high=op_high,
+    )
+    known = isinstance(data, ScreenedValve | ExplainedValve)
+    if known and how:
+        raise ValueError(f"{', '.join(how)}: this valve has its signals already")
+    if isinstance(data, ScreenedValve):
+        plan = plan_of_screening(data.screening, limits, op_now)
+        return PlannedTest(sheet_of(plan, data.valve))
+    found = data if isinstance(data, ExplainedValve) else explain(read(data, **how), narx=False)
+    plan = plan_of(found.mismatch, limits, judged=False, op=op_now)
+    return PlannedTest(sheet_of(plan, found.valve))
+
+
+def _screened_for_its_twin(recording: Recording) -> ScreenedValve:
+    return screen(recording, narx=False)
 
 
 def simulate(

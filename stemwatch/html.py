@@ -10,14 +10,19 @@ from typing import Any
 
 from markupsafe import Markup
 
+from stemwatch.models.closed_loop.fitted_loop import FittedLoop
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.screening_result import Screening
+from stemwatch.service.field_test.sheet import TestSheet
+from stemwatch.service.field_test.sheet_files import page_values
+from stemwatch.service.field_test.sheet_files import resource as sheet_resource
 from stemwatch.service.maintenance.drawing import svg_of
 from stemwatch.service.maintenance.evidence_picture import picture_of
 from stemwatch.service.presenter.finding import PresentedFinding
 from stemwatch.service.report import ReportContext
 from stemwatch.service.report.html_page import environment, template
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
+from stemwatch.service.twin.loop_twin import WhatIf, settings_in_words
 
 
 def screened_card(screening: Screening, finding: PresentedFinding, remark: str) -> str:
@@ -52,6 +57,25 @@ def screened_table(
     return _rendered("screened_valves.html", valves=valves, discovered=discovered)
 
 
+def twin_card(valve: str, loop: FittedLoop, rows: Sequence[WhatIf]) -> str:
+    """The loop as it was fitted, and what it would have done with each change."""
+    first = rows[0].prediction
+    return _rendered(
+        "twin.html",
+        valve=valve,
+        settings=settings_in_words(loop),
+        unit=loop.unit,
+        recorded=first.recorded,
+        as_it_is=first.as_it_is,
+        rows=rows,
+    )
+
+
+def planned_card(sheet: TestSheet) -> str:
+    """The operator's sheet, as ``test-plan.html`` has it."""
+    return _rendered("planned_test.html", **page_values(sheet))
+
+
 def _view(mismatch: Mismatch | None, valve: str, remark: str) -> MismatchView | None:
     return None if mismatch is None else mismatch_view(mismatch, None, "valve", valve, remark)
 
@@ -65,6 +89,8 @@ def _rendered(name: str, **values: Any) -> str:
 
 @cache
 def _load(name: str) -> str:
-    """A template of this package, or of the report."""
+    """A template of this package, the operator's sheet, or one of the report."""
     source = files("stemwatch").joinpath(name)
-    return source.read_text("utf-8") if source.is_file() else template(name)
+    if source.is_file():
+        return source.read_text("utf-8")
+    return sheet_resource(name) if name == "sheet.html" else template(name)

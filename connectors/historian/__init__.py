@@ -11,7 +11,6 @@ from stemwatch.connectors.historian.inspection import Inspection
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.tags.perhaps_position import (
     position_question,
-    position_questions,
 )
 
 __all__ = [
@@ -21,7 +20,6 @@ __all__ = [
     "ReadOptions",
     "find_sources",
     "position_question",
-    "position_questions",
     "propose_valves",
     "valves_among",
 ]

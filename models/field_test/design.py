@@ -57,7 +57,7 @@ class DesignedTest:
     @property
     def probability(self) -> float:
         """The probability that the right rival wins, with all rivals equally likely, 0 to 1."""
-        return float(np.mean(np.diag(self.wins)))
+        return min(float(np.mean(np.diag(self.wins))), 1.0)  # shares of tenths may sum beyond 1
 
     def pair_probability(self, i: int, j: int) -> float:
         """The probability that the right one of two rivals wins."""

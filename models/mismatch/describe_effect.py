@@ -65,7 +65,8 @@ def estimates(
     """The term's parameters from its best coordinates (k,) and draws (m, k), on the own clock.
 
     Widened by two errors that no bootstrap sees: the term is only a model of the valve, and OP and
-    MV are read somewhere within the sampling interval.
+    MV are read somewhere within the sampling interval. Of a parameter at the end of what the record
+    could show only the lower bound is said.
     """
     best = term.parameters(values)
     spread = [term.parameters(candidate) for candidate in candidate_draws]
@@ -75,6 +76,8 @@ def estimates(
         named[name] = estimate(
             np.array([parameters[name][0] for parameters in spread]), value, unit, error
         )
+    for name, reason in term.only_at_least(values).items():
+        named[name] = replace(named[name], value=None, high=None, reason=reason)
     return named
 
 

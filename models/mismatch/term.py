@@ -126,6 +126,10 @@ class Term(Protocol):
         """The coordinates in the terms of the field: name to (value, unit)."""
         ...
 
+    def only_at_least(self, values: Floats) -> Mapping[str, str]:
+        """The parameters of which ``values`` give a lower bound and no value, each with why."""
+        ...
+
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
         """One sentence with numbers; ``rising`` and ``falling`` are words for the directions
         ("opening" and "closing" where the flow tells them)."""

@@ -150,6 +150,31 @@ def range_of_both(recording: Recording) -> StoredRange | None:
     return next(both, None)
 
 
+def range_of_op(recording: Recording) -> StoredRange | None:
+    """The range with a live zero within which OP alone stays, in which it may be stored; ``None``
+    where there is none, or nothing speaks for it.
+
+    What speaks for it: in the middle the position lies more than ``OFF_PERCENT`` off OP in percent,
+    and nearer to it in that range, or it moves farther than OP. ``in_percent`` converts where no
+    doubt is left. Here the position goes with neither: its scale is another one, it is not linear,
+    or it is noisy.
+    """
+    mv, op = recording.mv, recording.op
+    if mv is None or op.scaled or not_percent(mv) is not None or not _moves(recording):
+        return None
+    usable = recording.usable
+    if not usable.any():
+        return None
+    position, command = (float(np.median(one.values[usable])) for one in (mv, op))
+    off_percent = abs(position - command)
+    farther = swing(mv.values[usable]) > MOST_SWING * swing(op.values[usable])
+    for stored in LIVE_ZERO if off_percent > OFF_PERCENT else ():
+        nearer = abs(position - stored.times * (command - stored.low)) < off_percent
+        if (nearer or farther) and stored.holds(op):
+            return stored
+    return None
+
+
 def may_be_stored_in(signal: Signal) -> StoredRange | None:
     """The range with a live zero, or that of a fraction, within which a signal stays that is taken
     as percent; ``None`` where there is none, or where its range was given."""

@@ -107,7 +107,7 @@ def _report(comparison: Comparison, out: Path | None, json_file: Path | None) ->
     if json_file is not None:
         objects = [row.as_json() for row in comparison.ranked()]
         text = json.dumps(objects, allow_nan=False, ensure_ascii=False, indent=1)
-        json_file.write_text(text + "\n", encoding="utf-8")
+        views.write_file(json_file, text + "\n")
     if out is not None:
         from stemwatch.service.studies.comparison.comparison_html import html_bytes
 

@@ -46,7 +46,11 @@ def version(plant: PlantFile = None, db: Url = "") -> None:
     from stemwatch.service.cli import views
     from stemwatch.service.store.administration.backup import disposing, one_instant
     from stemwatch.service.store.database.engine import existing_engine
-    from stemwatch.service.store.migrations.migrate import current_revision, newest_revision
+    from stemwatch.service.store.migrations.migrate import (
+        current_revision,
+        is_newer,
+        newest_revision,
+    )
 
     address = _address(plant, db)
     with disposing(existing_engine(address)) as engine, one_instant(engine, address) as connection:
@@ -54,10 +58,15 @@ def version(plant: PlantFile = None, db: Url = "") -> None:
     views.say_result(
         f"{address}: schema {revision or 'none'}; this program writes {newest_revision()}"
     )
-    if revision != newest_revision():
-        views.say_next("`stemwatch db backup FILE`, then `stemwatch db upgrade`.")
-    else:
+    if revision == newest_revision():
         views.say_next("nothing has to be done; `stemwatch db check` looks it over.")
+    elif is_newer(revision):
+        views.say_next(
+            "a newer stemwatch has written this database: install that version, or take the schema "
+            f"back with it, by `stemwatch db downgrade {newest_revision()}`."
+        )
+    else:
+        views.say_next("`stemwatch db backup FILE`, then `stemwatch db upgrade`.")
 
 
 @db_app.command()

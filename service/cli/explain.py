@@ -86,7 +86,7 @@ def _report(
     if json_file is not None:
         from stemwatch.service.explain.explain_json import to_json
 
-        json_file.write_text(to_json(valves), encoding="utf-8")
+        views.write_file(json_file, to_json(valves))
     say_reading_remarks(
         valve.recording.provenance for valve in valves if valve.recording is not None
     )

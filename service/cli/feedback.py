@@ -40,7 +40,7 @@ def feedback(
     judged = "1 finding was" if len(labels) == 1 else f"{len(labels)} findings were"
     views.say_result(f"{judged} judged: {count_list}.")
     if out is not None:
-        out.write_text(labels_csv(labels), encoding="utf-8")
+        views.write_file(out, labels_csv(labels))
         views.say_result(f"Labels: {out.resolve()}")
     elif labels:
         views.say_next("the labels themselves, with --out labels.csv.")

@@ -91,11 +91,11 @@ def _inspect_exports(
         text = json.dumps(
             inspections if file.is_dir() else inspections[0], indent=1, ensure_ascii=False
         )
-        json_file.write_text(text + "\n", encoding="utf-8")
+        views.write_file(json_file, text + "\n")
     sources = _sources(file, seen, write, options)
     proposed = plant_toml(sources, _curves(files))
     if write is not None:
-        write.write_text(proposed, encoding="utf-8")
+        views.write_file(write, proposed)
         inspection_views.say_plant_written(write)
         return
     inspection_views.show_proposal(proposed)

@@ -61,7 +61,7 @@ def inspect_archives(
         known |= set(valves)
     if json_file is not None:
         objects = {name: [asdict(info) for info in infos] for name, infos in tags_of_source.items()}
-        json_file.write_text(json.dumps(objects, indent=1, default=str) + "\n", encoding="utf-8")
+        views.write_file(json_file, json.dumps(objects, indent=1, default=str) + "\n")
     if not any(line.startswith("[[valves]]") for line in lines):
         views.say(
             "No new valve is proposed: no tag is certain to be a controller output (.OP, .OUT, "
@@ -73,7 +73,7 @@ def inspect_archives(
         views.say_next(f"add this to {file}, or keep it with --write plant.toml")
         return
     whole = file.read_text(encoding="utf-8-sig").rstrip() + "\n\n" + proposed
-    write.write_text(whole, encoding="utf-8")
+    views.write_file(write, whole)
     inspection_views.say_plant_written(write)
 
 

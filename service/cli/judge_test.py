@@ -77,7 +77,7 @@ def judge_test(
     views.out.print(_on_terminal(test_result), highlight=False)
     if json_file is not None:
         text = json.dumps(to_object(test_result), indent=1, ensure_ascii=False, allow_nan=False)
-        json_file.write_text(text + "\n", encoding="utf-8")
+        views.write_file(json_file, text + "\n")
     if out is not None:
         _write(test_result, request, out)
     elif test_result.rivals:

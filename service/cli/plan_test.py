@@ -91,7 +91,7 @@ def plan_test(
     views.out.print(_on_terminal(sheet), highlight=False)
     if json_file is not None:
         text = json.dumps(to_object(sheet), indent=1, ensure_ascii=False, allow_nan=False)
-        json_file.write_text(text + "\n", encoding="utf-8")
+        views.write_file(json_file, text + "\n")
     if out is not None:
         _write(sheet, loaded, recording.read_options.zone or "", out)
     elif sheet.test is not None:

@@ -215,17 +215,14 @@ def _refuse_what_nobody_asks_for(
 def say_reading_remarks(recordings: "Iterable[Provenance]") -> None:
     """On the terminal: the options of the command line that made no difference to a file, and
     which tag may be a position that nobody named."""
-    from stemwatch.connectors.historian import position_questions
     from stemwatch.connectors.historian.unused_options import unused_sentences
     from stemwatch.service.cli import views
 
     said = {
         (Path(provenance.source).name, sentence): None
         for provenance in recordings
-        for sentence in (
-            *unused_sentences(provenance.decisions),
-            *position_questions(provenance.decisions),
-        )
+        for sentence in (*unused_sentences(provenance.decisions), provenance.position_question)
+        if sentence
     }
     remarks = list(said)
     for source, sentence in remarks[:MOST_FILES_SAID]:

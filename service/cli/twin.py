@@ -84,7 +84,7 @@ def twin(
     views.out.print(_on_terminal(read.valve, loop, rows), highlight=False)
     if json_file is not None:
         text = json.dumps(to_object(loop, rows), indent=1, ensure_ascii=False, allow_nan=False)
-        json_file.write_text(text + "\n", encoding="utf-8")
+        views.write_file(json_file, text + "\n")
     views.say_next(
         "ask for a change of your own with --s, --j, --gain-times, --reset-times or --knock; "
         "repair where the valve is what costs, tune where it is the controller."
@@ -115,11 +115,11 @@ def _write_models(screening: Screening, fmu: Path | None, modelica: Path | None)
     said = [contents_in_words(chain)]
     if fmu is not None:
         unit = functional_mockup_unit(chain)
-        fmu.write_bytes(unit.content)
+        views.write_file(fmu, unit.content)
         lacks = f", without a binary: {unit.no_binary}" if unit.no_binary else ""
         said.append(f"Written: {fmu}{lacks}")
     if modelica is not None:
-        modelica.write_text(modelica_text(chain), encoding="utf-8")
+        views.write_file(modelica, modelica_text(chain))
         said.append(f"Written: {modelica}")
     for sentence in said:
         views.out.print(sentence, highlight=False, markup=False, soft_wrap=True)

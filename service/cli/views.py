@@ -64,13 +64,27 @@ def say_if_not_blind(seed: int) -> None:
         say(f"Seed {seed} was looked at while the method was made: this is not blind.")
 
 
+def write_file(path: Path, content: str | bytes) -> None:
+    """Write a file that an option names: replaced whole, or left as it was.
+
+    Raises ``ReportNotWritten`` with the file and what to do.
+    """
+    from stemwatch.service.report.write_report import put_all
+
+    written = content.encode() if isinstance(content, str) else content
+    if path.exists() and not path.is_file():  # /dev/stdout, a pipe
+        path.write_bytes(written)
+    else:
+        put_all({path.resolve(): written})
+
+
 def write_answers(
     answers: Sequence[WiringAnswer] | Sequence[StudyAnswer], json_file: Path | None
 ) -> None:
     """The answers of a study, dataclasses with a ``verdict``, as JSON, where a file is named."""
     if json_file is not None:
         objects = [{**asdict(answer), "verdict": answer.verdict.value} for answer in answers]
-        json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")
+        write_file(json_file, json.dumps(objects, indent=1) + "\n")
 
 
 def say_next(text: str) -> None:

@@ -23,11 +23,16 @@ LOOKED_BACK = 50  # screenings searched for the one from which the test was plan
 
 
 def plan_of(
-    mismatch: Mismatch | None, limits: TestLimits, *, judged: bool = True, op: float | None = None
+    mismatch: Mismatch | None,
+    limits: TestLimits,
+    *,
+    unfitted: OpenQuestion | None = None,
+    judged: bool = True,
+    op: float | None = None,
 ) -> FieldTestPlan:
-    """The plan for the rivals that ``mismatch`` left open; ``judged`` is false without a
-    verdict."""
-    question = None if mismatch is None else mismatch.open_question
+    """The plan for the rivals that ``mismatch`` left open; ``judged`` is false without a verdict,
+    ``unfitted`` what a test needs of a recording without a ``mismatch``."""
+    question = unfitted if mismatch is None else mismatch.open_question
     is_judged = mismatch is not None and mismatch.finding is not Finding.NOT_TESTABLE
     plan = plan_test(question, limits, judged=judged or is_judged, op=op)
     untold = () if mismatch is None or is_judged else mismatch.not_testable
@@ -62,7 +67,9 @@ def plan_of_screening(
 ) -> FieldTestPlan:
     """The plan for a valve as it was screened last."""
     judged = screening.verdict is not Verdict.UNDETERMINED
-    plan = plan_of(screening.mismatch, limits, judged=judged, op=op)
+    plan = plan_of(
+        screening.mismatch, limits, unfitted=screening.open_question, judged=judged, op=op
+    )
     kinds = kinds_of(screening.verdict, shape=None, reason=screening.reason, named=(), finding=None)
     return _without_position(plan) if NO_POSITION in kinds else plan
 
@@ -81,8 +88,7 @@ def question_before(
         return None
     before = [screening for screening in screenings if begin is not None and screening.at <= begin]
     chosen = (before or screenings)[0]
-    mismatch = screening_of(chosen).mismatch
-    question = None if mismatch is None else mismatch.open_question
+    question = chosen.open_question if chosen.mismatch is None else chosen.mismatch.open_question
     return question or OpenQuestion(), chosen.at
 
 

@@ -242,8 +242,8 @@ def _remarks_on_test(plan: FieldTestPlan, test: DesignedTest) -> Iterator[str]:
         yield f"PV is expected to change by at most {test.upset:.3g}{unit}{limit}."
     if not plan.op_known:
         yield (
-            "Where OP is was not recorded: the values assume 50 %, take the changes from where OP "
-            "is."
+            "Where OP was at last is not known: the values assume 50 %, take the changes from "
+            "where OP is."
         )
     else:
         yield (

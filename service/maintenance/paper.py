@@ -22,7 +22,7 @@ from reportlab.platypus import (
 )
 
 from stemwatch.service.maintenance.drawing import Drawing, DrawnLine, DrawnText, Mark, hatching
-from stemwatch.service.presenter.wording import printable, prose
+from stemwatch.service.presenter.wording import commands_quoted, printable, prose
 from stemwatch.service.report.report_context import ReportContext
 
 REGULAR, BOLD = "DejaVuSansCondensed", "DejaVuSansCondensed-Bold"
@@ -256,7 +256,7 @@ def markup(text: str, bold: bool) -> str:
     font_name = BOLD if bold else REGULAR
     return "".join(
         escape(letters) if font == font_name else f'<font name="{font}">{escape(letters)}</font>'
-        for font, letters in runs(prose(cut(text, LONGEST)), bold)
+        for font, letters in runs(prose(commands_quoted(cut(text, LONGEST))), bold)
     )
 
 

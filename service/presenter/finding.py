@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import ceil
 
-from stemwatch.connectors.historian import position_questions
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldTest
 from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch
@@ -302,9 +301,9 @@ def _next_step(
         return f"Nothing to do at this valve. {look}" if look else screening.advice
     told = screening.without_position if decision.kinds[0] == NO_POSITION else None
     advice = screening.advice if told is None else told.advice
-    asked = position_questions(screening.provenance.decisions)
+    asked = screening.provenance.position_question
     if asked and decision.kinds[0] == NO_POSITION:
-        advice = f"{asked[0]} {advice}"
+        advice = f"{asked} {advice}"
     if decision.moved:
         return f"{where_to_look(groups, screening.valve)} After that: {advice}"
     return " ".join(filter(None, (advice, field_test(screening))))

@@ -32,6 +32,8 @@ VERDICT_MEANING = {
     Verdict.HEALTHY: "the stem follows the controller",
 }
 
+COMMAND = re.compile("`(stemwatch [^`]*)`")  # as sentences mark it
+
 _UNPRINTABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff\ufffe\uffff]")
 
 
@@ -100,6 +102,11 @@ def instant(moment: datetime | None, zone: tzinfo) -> str:
 def prose(text: str) -> str:
     """A sentence whose percent signs stay on the line of their number."""
     return re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", printable(text))
+
+
+def commands_quoted(text: str) -> str:
+    """``text`` with its commands between quotation marks, for paper, where ` means nothing."""
+    return COMMAND.sub(r"“\1”", text)
 
 
 def not_yet_said(sentences: Iterable[str], text: str) -> list[str]:

@@ -17,7 +17,7 @@ from typing import Any, BinaryIO
 
 from jinja2 import BytecodeCache, Environment, FunctionLoader, StrictUndefined
 from jinja2.bccache import Bucket
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from stemwatch.service.presenter import oscillation_words
 from stemwatch.service.presenter import physics_words as mismatch_words
@@ -237,7 +237,7 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "evidence_sentences": lambda of_weeks: of_weeks.sentences(context.tz),
         "sortable": words.sortable,
         "plain": "{:g}".format,
-        "prose": words.prose,
+        "prose": prose_in_html,
         "instant": lambda when: words.instant(when, context.tz),
         "window": lambda ends: words.window(ends[0], ends[1], context.tz, context.zone),
         "suspicion_title": suspicion_title,
@@ -246,6 +246,11 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "verdict_meaning": lambda verdict: words.VERDICT_MEANING[verdict],
     }
     return env
+
+
+def prose_in_html(text: str) -> Markup:
+    """A sentence of ``prose`` as HTML: its commands set as code, everything else escaped."""
+    return Markup(words.COMMAND.sub(r"<code>\1</code>", str(escape(words.prose(text)))))
 
 
 def _finalize(value: Any) -> Any:

@@ -459,6 +459,6 @@ def _provenance(screening: Screening) -> dict[str, Any]:
     return {
         "digest": printable(provenance.digest),
         "layout": printable(provenance.layout),
-        "decisions": [printable(decision) for decision in provenance.decisions],
+        "decisions": [printable(decision) for decision in provenance.remarks],
         "software": software_name(),
     }

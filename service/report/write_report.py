@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -123,8 +124,14 @@ def _put(path: Path, write: Callable[[BinaryIO], None]) -> str:
         temporary.replace(path)
     except OSError as error:
         temporary.unlink(missing_ok=True)
+        mend = "make room on its disk" if is_full(error) else "close the program that has it open"
         return (
             f"{path}: could not be written ({error.strerror or error}); "
-            "close the program that has it open, or choose another folder, and run again."
+            f"{mend}, or choose another folder, and run again."
         )
     return ""
+
+
+def is_full(error: OSError) -> bool:
+    """Whether a disk, or the share of it that a user may have, is full."""
+    return error.errno in (errno.ENOSPC, errno.EDQUOT)

@@ -268,14 +268,12 @@ def _of_file(request: Request, path: str, read_tags: ReadTags) -> list[Task]:
         reason = ONE_TAG if len(infos) == 1 else NO_VALVE
         return [replace(_not_readable(path, stem, reason), file_remarks=_columns(infos))]
     return [
-        replace(_task(path, valve, options, window), file_remarks=_question(valve, infos))
+        replace(
+            _task(path, valve, options, window),
+            position_question=position_question(valve.valve, infos),
+        )
         for valve in proposed
     ]
-
-
-def _question(valve: ValveTags, infos: Sequence[TagInfo]) -> tuple[str, ...]:
-    """Which tag the position may be, where none was taken for it."""
-    return tuple(filter(None, [position_question(valve.valve, infos)]))
 
 
 def _of_archive(request: Request, path: str) -> list[Task]:

@@ -74,7 +74,8 @@ class Task:
     earlier_curves: tuple[EarlierCurve, ...] = ()  # from OP to stroke, found in earlier windows
     earlier_answers: tuple[EarlierAnswer, ...] = ()  # of OP and PV alone, the last first
     reason: str = ""  # why there is nothing to screen, and what to do about it
-    file_remarks: tuple[str, ...] = ()  # why a readable file shows no valve, or no position of it
+    file_remarks: tuple[str, ...] = ()  # why a readable file shows no valve
+    position_question: str = ""  # which tag may be the position, where none was taken for it
 
     @property
     def text_file(self) -> str | None:
@@ -135,8 +136,8 @@ def recording_of(task: Task) -> Recording:
     if task.archive is None:
         recording = _connector(task).read(task.tags, task.window)
         provenance = recording.provenance
-        decisions = (*provenance.decisions, *task.file_remarks)
-        return replace(recording, provenance=replace(provenance, decisions=decisions))
+        provenance = replace(provenance, position_question=task.position_question)
+        return replace(recording, provenance=provenance)
     archive = open_archive(task.archive)
     return archive.read(archive.present(task.tags), task.window)
 

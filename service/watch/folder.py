@@ -22,17 +22,17 @@ from stemwatch.service.store.store import Store
 from stemwatch.service.watch.limited_reader import Export, ReaderDied, Rejected, limited_reading
 
 _SHOWN = 8
-_TOO_OLD = "are older than keep_samples_days ="
 
 
 @dataclass(frozen=True, kw_only=True)
 class Taken:
-    """The number of stored samples, their tags, and a note on tags that were not in the file and on
-    samples too old to stay."""
+    """The number of stored samples, their tags, a note on tags that were not in the file and on
+    samples too old to stay, and how many of these there are."""
 
     samples: int
     tags: tuple[str, ...]
     note: str
+    too_old: int = 0
 
 
 def take_in(
@@ -68,12 +68,12 @@ def take_in(
     if old:
         many = "all" if old == count else f"{old}"
         note += (
-            f"; {many} of them {_TOO_OLD} {plant.service.keep_samples_days:g} days, and will be "
-            "removed within the hour. To keep them, raise keep_samples_days in [service], start "
-            "the service again and drop the file again. `stemwatch screen` reads the file itself, "
-            "whatever its age"
+            f"; {many} of them are older than keep_samples_days = "
+            f"{plant.service.keep_samples_days:g} days, and will be removed within the hour. To "
+            "keep them, raise keep_samples_days in [service], start the service again and drop the "
+            "file again. `stemwatch screen` reads the file itself, whatever its age"
         )
-    return Taken(samples=count, tags=tuple(units), note=note)
+    return Taken(samples=count, tags=tuple(units), note=note, too_old=old)
 
 
 def _kept_from_us(plant: Plant) -> int:
@@ -221,7 +221,7 @@ class WatchedFolder:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
         taken_before = self._store.sources.taken(digest)
         # What was too old to stay may come again: the plant file may say otherwise by now.
-        if taken_before is not None and taken_before.accepted and _TOO_OLD not in taken_before.note:
+        if taken_before is not None and taken_before.accepted and not taken_before.too_old:
             self._move(path, DONE, f"taken in before, as {taken_before.name}; not again")
             return taken_before
         if self._attempts.unfinished(digest) >= MOST_ATTEMPTS:
@@ -241,32 +241,34 @@ class WatchedFolder:
         except Exception:
             self._attempts.end(digest)  # not an error of the file: the store may be unavailable
             raise
-        note = self._note(path, digest, accepted=True, samples=stored.samples, note=stored.note)
-        self._attempts.end(digest)
-        return note
-
-    def _reject(self, path: Path, digest: str, note: str) -> TakenFile:
-        rejected = self._note(path, digest, accepted=False, samples=0, note=note)
-        self._attempts.end(digest)
-        return rejected
-
-    def _note(
-        self, path: Path, digest: str, *, accepted: bool, samples: int, note: str
-    ) -> TakenFile:
-        file = TakenFile(
+        taken = TakenFile(
             digest=digest,
             name=path.name,
             source=self._source,
-            accepted=accepted,
-            samples=samples,
-            note=note,
+            accepted=True,
+            samples=stored.samples,
+            note=stored.note,
+            too_old=stored.too_old,
         )
+        self._over(path, taken)
+        return taken
+
+    def _reject(self, path: Path, digest: str, note: str) -> TakenFile:
+        file = TakenFile(
+            digest=digest, name=path.name, source=self._source, accepted=False, note=note
+        )
+        self._over(path, file)
+        return file
+
+    def _over(self, path: Path, file: TakenFile) -> None:
+        """Note the file and move it away."""
         # Stored before moving: after an interruption its digest is known and it is only moved.
         self._store.sources.note_taken(file)
-        self._move(path, DONE if accepted else REJECTED, "" if accepted else note)
-        level = logging.INFO if accepted and _TOO_OLD not in note else logging.WARNING
-        log.log(level, "%s: %s: %s", path.name, "taken in" if accepted else "rejected", note)
-        return file
+        self._move(path, DONE if file.accepted else REJECTED, "" if file.accepted else file.note)
+        level = logging.INFO if file.accepted and not file.too_old else logging.WARNING
+        done = "taken in" if file.accepted else "rejected"
+        log.log(level, "%s: %s: %s", path.name, done, file.note)
+        self._attempts.end(file.digest)
 
     def _move(self, path: Path, subfolder: str, note: str) -> None:
         folder = self.folder / subfolder

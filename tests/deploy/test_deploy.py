@@ -74,10 +74,38 @@ def test_no_password_stands_in_the_compose_file(compose: dict) -> None:
         value
         for service in compose["services"].values()
         for key, value in service.get("environment", {}).items()
-        if "PASSWORD" in key or key == "STEMWATCH_STORAGE_URL"
+        if "PASSWORD" in key
     ]
     assert len(named) >= 5
     assert [value for value in named if ":?" not in value] == []
+
+
+def test_a_password_of_any_letters_may_be_chosen(compose: dict) -> None:
+    """It stands in no URL, in which @, / and # would end it."""
+    stemwatch = compose["services"]["stemwatch"]["environment"]
+    assert stemwatch["STEMWATCH_STORAGE_URL"] == "postgresql://stemwatch@postgres/stemwatch"
+    password = compose["services"]["postgres"]["environment"]["POSTGRES_PASSWORD"]
+    assert stemwatch["PGPASSWORD"] == password
+
+
+def test_the_simulated_plant_can_be_left_out(compose: dict) -> None:
+    """As the page says: nothing waits for it, so the file is whole without it."""
+    waiting = {name: set(one.get("depends_on", {})) for name, one in compose["services"].items()}
+    assert [name for name, others in waiting.items() if "plant" in others] == []
+
+
+@pytest.mark.parametrize(
+    ("proxy", "takes_away"),
+    [
+        ("nginx.conf", 'proxy_set_header X-Remote-User "";'),
+        ("Caddyfile", "header_up -X-Remote-User"),
+    ],
+)
+def test_a_proxy_takes_a_forged_name_away(proxy: str, takes_away: str) -> None:
+    """Whoever sets ``user_header`` believes that header of the proxy: from outside nobody may be
+    let through who writes it himself."""
+    lines = [line.strip() for line in (DEPLOY / "proxy" / proxy).read_text("utf-8").splitlines()]
+    assert takes_away in lines
 
 
 def test_the_plant_of_the_compose_file_is_the_one_that_is_simulated(tmp_path: Path) -> None:

@@ -225,6 +225,21 @@ def test_some_friction_that_may_be_stored_in_milliamperes_is_not_sure():
     assert decide(evidence(1.0, 0.1), LIMITS).confidence == 0.99
 
 
+@pytest.mark.parametrize("S", [0.05, 0.5, 1.0, 2.5])
+def test_an_op_alone_that_may_be_stored_in_milliamperes_is_told(S):
+    """OP stays within 4 to 20, the position does not: where S in percent of the other range would
+    change the verdict it is in doubt, and a sticking valve's S is given in that range too."""
+    case = evidence(S, 0.05, J=0.0, op_in=StoredRange(4.0, 20.0, "mA"))
+    decision, plain = decide(case, LIMITS), decide(evidence(S, 0.05, J=0.0), LIMITS)
+    assert decision.verdict is plain.verdict
+    told = S > 0.05
+    expected = f"far from where the position is: if it is stored in mA, S is {6.25 * S:.1f} %"
+    assert (expected in decision.reason) == told
+    assert ("See whether OP is in percent. If it is in mA, give low = 4" in decision.advice) == told
+    doubted = told and plain.verdict is not Verdict.STICKY
+    assert decision.confidence == (0.5 if doubted else plain.confidence)
+
+
 def test_limits_in_order():
     """A watch limit above the sticky one is refused with both numbers."""
     with pytest.raises(ValueError, match=r"received 2.0 and 1.0"):

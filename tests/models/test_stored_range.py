@@ -9,8 +9,9 @@ import pytest
 
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
-from stemwatch.models.stickslip.stored_range import in_percent, range_of_both
+from stemwatch.models.stickslip.stored_range import in_percent, range_of_both, range_of_op
 from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
+from stemwatch.simulation import sticking_flow_loop
 
 QUICK = Options(narx=False, mismatch=False)
 
@@ -59,6 +60,30 @@ def test_both_stored_in_a_range_with_a_live_zero_are_doubted(recording, low, hig
     for role in (Role.OP, Role.MV):  # the plant has said that this is percent
         scaled = {**both.signals, role: replace(both.signals[role], scaled=True)}
         assert range_of_both(replace(both, signals=scaled)) is None
+
+
+@pytest.mark.parametrize("bend", [np.square, np.sqrt])
+def test_an_op_in_milliamperes_beside_a_position_that_is_not_linear_is_doubted(bend):
+    """Where no range makes the two agree nothing is converted, but the verdict says what OP may be
+    stored in; not where the plant has said that it is percent, nor where the position agrees."""
+    loop = sticking_flow_loop(
+        S=12.0, J=3.0, duration_s=2400.0, interval_s=1.0, seed=7171, tag="FIC-1", noise=0.05
+    )
+    position = loop.signals[Role.MV]
+    values = 100.0 * bend(np.clip(position.values, 0.0, None) / 100.0)
+    bent = replace(loop, signals={**loop.signals, Role.MV: replace(position, values=values)})
+    raw = stored(bent, Role.OP, 4, 20)
+    assert in_percent(raw) is raw
+    found = range_of_op(raw)
+    assert found is not None
+    assert (found.low, found.high) == (4, 20)
+    (screening,) = screen([Case(recording=raw)], QUICK)
+    assert "OP stays within 4 to 20" in screening.reason
+    assert "if it is stored in mA, S is 12." in screening.reason
+    assert range_of_op(bent) is None
+    assert range_of_op(stored(stored(loop, Role.MV, 4, 20), Role.OP, 4, 20)) is None
+    scaled = {**raw.signals, Role.OP: replace(raw.signals[Role.OP], scaled=True)}
+    assert range_of_op(replace(raw, signals=scaled)) is None
 
 
 @pytest.mark.parametrize(("low", "high"), [(50, 100), (0, 50)])

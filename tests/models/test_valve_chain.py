@@ -63,6 +63,13 @@ def test_the_quick_fit_gives_actuator_and_zero() -> None:
     assert chain.op_start == 62.0
 
 
+def test_an_effect_that_the_chain_does_not_have_is_told() -> None:
+    """A new term is found by being there; until it has a place in the chain there is no model."""
+    screening = named(["coarse_converter"], {"coarse_converter": ((2.0,), (3.0,))})
+    told = "models for other simulators do not have coarse converter, which was named"
+    assert valve_chain(screening) == told
+
+
 def test_a_named_effect_comes_from_the_stored_fit_in_seconds() -> None:
     """Times of the own clock, 30 s a unit, in seconds; delays add up; S and J are the published."""
     chain = chain_of(

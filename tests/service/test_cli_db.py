@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import sqlite3
 from contextlib import closing
 from datetime import UTC, datetime, timedelta
@@ -53,6 +54,37 @@ def test_version_upgrade_and_downgrade(stemwatch, site: str) -> None:
     assert "schema 0004;" in stemwatch("db", "version", "--db", site).said
     assert stemwatch("db", "upgrade", "--db", site).status == 0
     assert stemwatch("db", "check", "--db", site).status == 0
+
+
+def test_the_version_of_a_newer_program_leads_to_that_program(stemwatch, site: str) -> None:
+    """An upgrade by this program is not offered: it would be refused."""
+    with closing(sqlite3.connect(site.removeprefix("sqlite:///"))) as connection:
+        connection.execute("UPDATE alembic_version SET version_num = '9999'")
+        connection.commit()
+    said = stemwatch("db", "version", "--db", site).said
+    assert "schema 9999;" in said
+    taken_back = f"by `stemwatch db downgrade {newest_revision()}`"
+    words = " ".join(said.split())
+    assert f"install that version, or take the schema back with it, {taken_back}" in words
+    assert "db upgrade" not in said
+    refused = stemwatch("db", "downgrade", "0010", "--yes", "--db", site)
+    assert refused.status == 2
+    assert "written by a newer stemwatch (schema 9999" in refused.said
+
+
+def test_a_backup_onto_a_full_disk_names_the_file_and_leaves_none(
+    stemwatch, site: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It had said only that there is no space on some device."""
+
+    def full(_handle: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    process = stemwatch("db", "backup", tmp_path / "b.zip", "--db", site)
+    assert process.status == 2
+    assert "b.zip: the backup could not be written (No space left on device)" in process.said
+    assert list(tmp_path.glob("b.zip*")) == []
 
 
 def test_looking_makes_no_database(stemwatch, tmp_path: Path) -> None:

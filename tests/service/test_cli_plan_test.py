@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 from dataclasses import replace
 from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -86,6 +88,33 @@ def test_store_is_enough_to_plan_the_test_and_the_sheet_is_written(database, tmp
     assert {path.name for path in (tmp_path / "o").iterdir()} == {"test-plan.html", "test-plan.pdf"}
 
 
+def test_a_file_that_cannot_be_written_whole_stays_as_it_was(database, tmp_path, monkeypatch):
+    """On a full disk the plan of before is kept, the file is named, and what to do is said."""
+    file = tmp_path / "plan.json"
+    file.write_text("the plan of before")
+    opened = Path.open
+
+    def full(path, *arguments, **options):
+        if path.suffix == ".part":
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return opened(path, *arguments, **options)
+
+    monkeypatch.setattr(Path, "open", full)
+    process = run("FIC-2", "--db", database, *QUICK, "--json", str(file))
+    assert process.exit_code != 0
+    expected = "plan.json: could not be written (No space left on device); make room on its disk"
+    assert expected in str(process.exception)
+    monkeypatch.undo()
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["the plan of before"]
+
+
+def test_the_plan_may_go_to_a_pipe(database):
+    """What is no file is written to as it is, and not replaced."""
+    process = run("FIC-2", "--db", database, *QUICK, "--json", "/dev/null")
+    assert process.exit_code == 0, process.output
+    assert Path("/dev/null").is_char_device()
+
+
 def test_limits_are_kept_and_those_without_sense_refused(database, tmp_path):
     """OP now and its limits hold; an amplitude of nothing is wrong usage."""
     file = tmp_path / "plan.json"
@@ -103,10 +132,11 @@ def test_valve_without_a_verdict_gets_the_bump_test_from_store_and_file(database
     """No movement, no verdict: the test that would give one."""
     stored = run("FIC-2", "--db", database, *QUICK)
     assert "bump test" in stored.output
+    assert "OP was last at 42.0 %" in stored.output
     read = run(str(still), *QUICK, "--op", "FIC1.OP", "--mv", "FIC1.MV")
     assert read.exit_code == 0, read.output
     assert "bump test" in read.output
-    assert "42.0" in read.output
+    assert "OP was last at 42.0 %" in read.output
 
 
 def test_a_file_is_read_with_the_options_of_every_command_that_reads(still, tmp_path):

@@ -12,8 +12,17 @@ import stemwatch as sw
 from stemwatch import functions
 from stemwatch.models import recording
 
-PROMISED = ["Recording", "__version__", "explain", "read", "screen", "simulate"]
-FUNCTIONS = [sw.explain, sw.read, sw.screen, sw.simulate]
+PROMISED = [
+    "Recording",
+    "__version__",
+    "explain",
+    "plan_test",
+    "read",
+    "screen",
+    "simulate",
+    "twin",
+]
+FUNCTIONS = [sw.explain, sw.plan_test, sw.read, sw.screen, sw.simulate, sw.twin]
 
 
 def test_nothing_is_promised_beside_the_names() -> None:

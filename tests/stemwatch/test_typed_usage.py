@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import stemwatch as sw
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.verdict import Verdict
+from stemwatch.next_steps import LoopTwin, PlannedTest
 from stemwatch.results import ExplainedValve, ExplainedValves, ScreenedValve, ScreenedValves
 
 
@@ -25,6 +26,15 @@ def one_valve(frame: pd.DataFrame, op: NDArray[np.float64]) -> None:
     assert_type(screened_valve.S, Estimate)
     assert_type(screened_valve.to_dict(), dict[str, Any])
     assert_type(sw.explain(frame, op="op", mv="mv"), ExplainedValve)
+
+
+def next_steps(item: sw.Recording, path: Path) -> None:
+    """A finding, a recording or a file leads to a twin and to a test."""
+    assert_type(sw.twin(sw.screen(item)), LoopTwin)
+    assert_type(sw.twin(path, zone="UTC").what_if(S=0.0).predicted, dict[str, Estimate])
+    assert_type(sw.plan_test(sw.explain(item), minutes=5), PlannedTest)
+    assert_type(sw.plan_test(item).to_frame(), pd.DataFrame)
+    assert_type(sw.plan_test(op=[1.0], mv=[1.0], interval_s=1.0).probability, float | None)
 
 
 def several_valves(path: Path, item: sw.Recording, frame: pd.DataFrame) -> None:

@@ -3,7 +3,7 @@ read as the position, and a person is asked."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 from stemwatch.connectors.connector import TagInfo
 from stemwatch.connectors.historian.tags.roles import described_role
@@ -11,7 +11,6 @@ from stemwatch.connectors.historian.tags.tag_names import parse_tag
 from stemwatch.models.recording import Role
 
 _MOST_NAMED = 3
-_ASKS = " may be the measured position of "
 
 
 def may_be_position(tag: str, description: str) -> bool:
@@ -38,12 +37,7 @@ def position_question(valve: str, infos: Iterable[TagInfo]) -> str:
         return ""
     names = ", ".join(tags[:_MOST_NAMED])
     return (
-        f"{names}{_ASKS}{valve}, but the name leaves doubt, so it was not read. If it is, say so: "
-        f"--mv '{tags[0]}' beside --op, mv='{tags[0]}' in Python, or [valves.tags.mv] in the plant "
-        "file."
+        f"{names} may be the measured position of {valve}, but the name leaves doubt, so it was "
+        f"not read. If it is, say so: --mv '{tags[0]}' beside --op, mv='{tags[0]}' in Python, or "
+        "[valves.tags.mv] in the plant file."
     )
-
-
-def position_questions(decisions: Sequence[str]) -> list[str]:
-    """Those of a recording's decisions that ask which tag is the position."""
-    return [sentence for sentence in decisions if _ASKS in sentence]

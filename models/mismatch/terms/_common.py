@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from math import floor, log10, nan
 
@@ -39,6 +40,10 @@ class _Defect:
     def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """Never how a machine is made."""
         return False
+
+    def only_at_least(self, values: Floats) -> Mapping[str, str]:
+        """None: each parameter has a value."""
+        return {}
 
 
 class CommandTerm(_Defect):

@@ -28,6 +28,8 @@ from stemwatch.models.recording import Floats
 
 AT_EVERY_SPEED = 4.0  # %/s; at a sample a second a stem moves by a slip and more at each sample
 MATERIAL_PERCENT_PER_S = 2.0  # less is a low speed
+AT_THE_END = 0.97 * AT_EVERY_SPEED  # within a fit's error of the end no value is known
+NO_QUICKER_MOVE = "it sticks after each slip that the recording shows, on the quickest moves too"
 
 
 class SlipOvershoot(ReadingTerm):
@@ -87,14 +89,23 @@ class SlipOvershoot(ReadingTerm):
         """v_c, the speed in percent of travel a second up to which the stem sticks after a slip."""
         return {"v_c": (float(values[0]), "%/s")}
 
+    def only_at_least(self, values: Floats) -> Mapping[str, str]:
+        """The speed, where it is the largest that a record shows."""
+        return {"v_c": NO_QUICKER_MOVE} if values[0] >= AT_THE_END else {}
+
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        speed = parameters["v_c"]
+        moves = "the quickest moves" if speed.at_least is not None else f"moves of {speed}"
         return (
-            "Slips overshoot: the stem sticks again after each of them, on moves of "
-            f"{parameters['v_c']} too, and follows in steps; S and J are those of the longer slip."
+            f"Slips overshoot: the stem sticks again after each of them, on {moves} too, and "
+            "follows in steps; S and J are those of the longer slip."
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        quick = about_value(parameters["v_c"], 0.25)
+        speed = parameters["v_c"]
+        quick = about_value(speed, 0.25)
+        if speed.at_least is not None:
+            quick = f"{0.25 * speed.at_least:.1g} {speed.unit}"
         return FieldTest(
             do=(
                 f"Loop in manual: ramp OP over 10 % at {quick}, and watch the stem or record it "

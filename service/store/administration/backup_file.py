@@ -121,7 +121,7 @@ def write_archive(source: LiveDatabase, path: Path, described: str) -> dict[str,
     """Write ``source`` to ``path``, completely or not at all, readable by its owner only.
 
     ``described`` names the database, without a password. Raises ``StoreError`` where the file
-    exists already, ``OSError`` for errors of the disk.
+    exists already, or cannot be written.
     """
     if path.exists():
         raise StoreError(f"{path}: there is a file already; give another name, or move it away")
@@ -138,6 +138,11 @@ def write_archive(source: LiveDatabase, path: Path, described: str) -> dict[str,
             file.flush()
             os.fsync(file.fileno())
         part.replace(path)
+    except OSError as error:
+        raise StoreError(
+            f"{path}: the backup could not be written ({error.strerror or error}) and is not "
+            "there; make room on its disk, or choose another folder, and run again"
+        ) from error
     finally:
         part.unlink(missing_ok=True)
     return digests

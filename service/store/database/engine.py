@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -25,6 +26,9 @@ _DAMAGED = (
     "malformed", "is not a database", "file is encrypted", "database corruption", "disk I/O error",
     "Could not decode", "unsupported file format",
 )  # fmt: skip
+# An @, / or # between the colon after the user and the last @: the password would end there, and
+# the rest be taken for the host.
+_PASSWORD_CUT = re.compile(r"^[\w+]+://[^:@/?\s]*:[^?]*[@/#][^?]*@")
 _OWN = 0o600  # it holds digests of passwords
 
 
@@ -36,6 +40,11 @@ def make_engine(address: DatabaseUrl, *, synced: bool = False) -> Engine:
     in PostgreSQL.
     """
     backend = _backend(address)
+    if backend != "sqlite" and _PASSWORD_CUT.search(address.reveal()):
+        raise StoreError(
+            f"{address}: the password has letters that a URL must write otherwise: %40 for @, %2F "
+            "for /, %23 for #, %3F for ?. Or leave it out of the URL and put it into PGPASSWORD"
+        )
     try:
         engine = create_engine(_with_driver(address.reveal()), hide_parameters=True)
     except (ImportError, NoSuchModuleError) as error:

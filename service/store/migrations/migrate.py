@@ -53,6 +53,8 @@ def take_back(engine: Engine, address: DatabaseUrl, revision: str) -> None:
         )
     with store_errors(address, "reading the schema"), engine.connect() as connection:
         present = current_revision(connection)
+    if present is not None:
+        refuse_newer(present, str(address))
     if present is None or revision > present:
         raise StoreError(f"{address}: has schema {present or 'none'}, which is older already")
     with store_errors(address, "taking the schema back"):
@@ -96,16 +98,24 @@ def wait_for_others(connection: Connection) -> None:
         connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _LOCK})
 
 
+def is_newer(revision: str | None) -> bool:
+    """Whether this version of the program does not know the schema, since a newer one made it."""
+    if revision is None:
+        return False
+    try:
+        ScriptDirectory.from_config(_config()).get_revision(revision)
+    except CommandError:
+        return True
+    return False
+
+
 def refuse_newer(revision: str, database: str) -> None:
     """Raise ``StoreError`` for a schema that this version of the program does not know."""
-    script = ScriptDirectory.from_config(_config())
-    try:
-        script.get_revision(revision)
-    except CommandError:
+    if is_newer(revision):
         raise StoreError(
             f"{database}: written by a newer stemwatch (schema {revision}; this version knows "
-            f"schemas up to {script.get_current_head()}). Install the newer version."
-        ) from None
+            f"schemas up to {newest_revision()}). Install the newer version."
+        )
 
 
 def _config() -> Config:

@@ -30,7 +30,8 @@ class SourceState:
 
 @dataclass(frozen=True, kw_only=True)
 class TakenFile:
-    """A file of a watched folder. ``note`` says what was read, or why it was rejected."""
+    """A file of a watched folder. ``note`` says what was read, or why it was rejected; ``too_old``
+    of its samples are removed within the hour, since they are older than those that are kept."""
 
     digest: str  # sha256 of its bytes, hexadecimal
     name: str
@@ -38,6 +39,7 @@ class TakenFile:
     accepted: bool
     samples: int = 0
     note: str = ""
+    too_old: int = 0
     taken: datetime = field(default_factory=lambda: datetime.now(UTC))
 
 
@@ -96,6 +98,7 @@ class Sources:
             "accepted": file.accepted,
             "samples": file.samples,
             "note": file.note,
+            "too_old": file.too_old,
         }
         with self._transactions.writing(f"noting the file {file.name}") as session:
             session.execute(upsert(session, TakenFileRow, [values], ("digest",)))

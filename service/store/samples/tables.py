@@ -93,3 +93,4 @@ class TakenFileRow(TableBase):
     accepted: Mapped[bool]
     samples: Mapped[int] = mapped_column(BigInteger)
     note: Mapped[str]
+    too_old: Mapped[int] = mapped_column(BigInteger, server_default="0")  # samples of it

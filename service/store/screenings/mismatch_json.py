@@ -1,5 +1,5 @@
-"""A ``Mismatch`` as JSON and back, by the type hints of its dataclasses. It is stored as a whole,
-since hardly anything queries its parts."""
+"""A ``Mismatch`` or an ``OpenQuestion`` as JSON and back, by the type hints of their dataclasses.
+Each is stored as a whole, since hardly anything queries its parts."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from functools import lru_cache
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.mismatch.open_question import OpenQuestion
 from stemwatch.service.store.screenings.named_effects import defects_key
 
 Value = TypeVar("Value")
@@ -27,10 +28,24 @@ def mismatch_json(mismatch: Mismatch | None) -> dict[str, Any] | None:
 
 def mismatch_of(stored: Any) -> Mismatch | None:
     """The mismatch from its JSON; ``None`` for a form written by another version."""
+    return _unpacked_or_none(Mismatch, stored)
+
+
+def question_json(question: OpenQuestion | None) -> dict[str, Any] | None:
+    """What a test needs of a recording without a mismatch, as JSON."""
+    return None if question is None else pack(question)
+
+
+def question_of(stored: Any) -> OpenQuestion | None:
+    """The inverse of ``question_json``; ``None`` for a form written by another version."""
+    return _unpacked_or_none(OpenQuestion, stored)
+
+
+def _unpacked_or_none(kind: type[Value], stored: Any) -> Value | None:
     if not isinstance(stored, dict):
         return None
     try:
-        return unpack(Mismatch, stored)
+        return unpack(kind, stored)
     except (KeyError, TypeError, ValueError):
         return None
 

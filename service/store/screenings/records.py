@@ -12,6 +12,7 @@ from typing import Protocol
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.indicator_meanings import meaning_of
 from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.mismatch.open_question import OpenQuestion
 from stemwatch.models.position_histograms import PositionHistograms
 from stemwatch.models.recording import Provenance
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual
@@ -166,6 +167,7 @@ class StoredScreening:
     without_position: WithoutPosition | None = None
     histograms: PositionHistograms | None = None
     mismatch: Mismatch | None = None
+    open_question: OpenQuestion | None = None
     held_back: str = ""
     confirmed: tuple[str, ...] | None = None
 

@@ -52,6 +52,7 @@ def screening_of(
         baseline_note=stored.baseline_note,
         provenance=stored.provenance,
         mismatch=stored.mismatch,
+        open_question=stored.open_question,
         without_position=stored.without_position,
         histograms=stored.histograms,
         stroke_curve=None if stored.mismatch is None else stored.mismatch.stroke_curve,

@@ -15,7 +15,12 @@ from stemwatch.models.screening_result import DataQuality, Residual, Screening
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
 from stemwatch.service.store.screenings.evidence_json import evidence_json
-from stemwatch.service.store.screenings.mismatch_json import mismatch_json, mismatch_of
+from stemwatch.service.store.screenings.mismatch_json import (
+    mismatch_json,
+    mismatch_of,
+    question_json,
+    question_of,
+)
 from stemwatch.service.store.screenings.named_effects import confirmed_of, remark_of
 from stemwatch.service.store.screenings.records import (
     RunState,
@@ -66,6 +71,7 @@ def screening_columns(screening: Screening, now: datetime) -> dict[str, Any]:
         "source_digest": screening.provenance.digest,
         "layout": screening.provenance.layout,
         "decisions": list(screening.provenance.decisions),
+        "position_question": screening.provenance.position_question,
         "seconds": finite(screening.seconds) or 0.0,
         "without_position": _without_position_json(screening.without_position),
         "histograms": None if screening.histograms is None else asdict(screening.histograms),
@@ -109,6 +115,7 @@ def stored_screening(row: ScreeningRow, *, with_mismatch: bool = True) -> Stored
         without_position=without_position_of(row.without_position),
         histograms=_histograms(row.histograms),
         mismatch=mismatch_of(row.mismatch) if with_mismatch else None,
+        open_question=question_of(row.open_question),
         held_back=remark_of(row.mismatch) if with_mismatch else "",
         confirmed=confirmed_of(row.evidence),
     )
@@ -134,6 +141,7 @@ def _mismatch_columns(screening: Screening) -> dict[str, Any]:
         if mismatch is None
         else [effect.slug for effect in mismatch.effects],
         "mismatch": mismatch_json(mismatch),
+        "open_question": question_json(screening.open_question),
         "evidence": evidence_json(screening),
     }
 
@@ -144,6 +152,7 @@ def _provenance(row: ScreeningRow) -> Provenance:
         digest=row.source_digest,
         layout=row.layout,
         decisions=tuple(row.decisions),
+        position_question=row.position_question,
     )
 
 

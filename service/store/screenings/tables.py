@@ -111,6 +111,7 @@ class ScreeningRow(TableBase):
     source_digest: Mapped[str]
     layout: Mapped[str]
     decisions: Mapped[list[str]]
+    position_question: Mapped[str] = mapped_column(default="", server_default="")
     software_version: Mapped[str]
     settings_digest: Mapped[str]
     seconds: Mapped[float]
@@ -118,6 +119,7 @@ class ScreeningRow(TableBase):
     mismatch_finding: Mapped[str | None]  # ``None`` where nothing was fitted
     mismatch_slugs: Mapped[list[str] | None]  # of the effects that were named, in order of work
     mismatch: Mapped[dict[str, Any] | None]  # without samples
+    open_question: Mapped[dict[str, Any] | None]  # for a test, where there is no ``mismatch``
     without_position: Mapped[dict[str, Any] | None]  # what OP and PV alone say
     histograms: Mapped[dict[str, Any] | None]  # where the stem stood, travelled and turned round
     # What it adds to the evidence of many windows; short, since weeks of it are read at once.

@@ -7,13 +7,35 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from stemwatch.models.mismatch.describe_effect import MODEL_ERROR, estimates
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
+from stemwatch.models.mismatch.terms.slip_overshoot import TERM
 from stemwatch.models.studies.simulator.hidden.draws import draw_nulls
 from stemwatch.models.studies.simulator.hidden.hidden_effect import with_actuator
 from stemwatch.models.studies.simulator.simulate import simulate_loop
 
 LIGHT_S = 0.0008  # drag over spring rate: a damping ratio of 0.15, an overshoot of 63 %
+
+
+@pytest.mark.parametrize(("speed", "is_bound"), [(4.0, True), (3.95, True), (3.0, False)])
+def test_the_end_of_the_search_is_a_bound_and_no_measured_speed(
+    speed: float, is_bound: bool
+) -> None:
+    """A stem that sticks on the quickest moves of its recording does so at that speed or above it:
+    no value is said, neither in the sentence nor in the parameter; the test is of a quarter of it.
+    """
+    values = np.array([speed])
+    found = estimates(TERM, values, np.tile(values, (8, 1)), 1.0)
+    assert (found["v_c"].value is None) == is_bound
+    assert (found["v_c"].high is None) == is_bound
+    assert found["v_c"].low == pytest.approx(speed * (1.0 - 1.96 * MODEL_ERROR))
+    sentence = TERM.sentence(found, "rising", "falling")
+    assert ("on the quickest moves too" in sentence) == is_bound
+    assert ("on moves of 3.00" in sentence) != is_bound
+    test = TERM.field_test(found)
+    assert test is not None
+    assert ("over 10 % at 0.9 %/s, and" in test.do) == is_bound
 
 
 @pytest.mark.long

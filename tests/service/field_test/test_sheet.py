@@ -15,6 +15,7 @@ from stemwatch.models.mismatch.findings import Finding
 from stemwatch.service.field_test.plan_from_screening import plan_of
 from stemwatch.service.field_test.sheet import LAST_WORD, clock, op_moves_of, sheet_of, to_object
 from stemwatch.service.field_test.sheet_files import html_of, pdf_of, write_sheet
+from stemwatch.service.maintenance.paper import markup
 from stemwatch.service.report import ReportContext
 from tests.service.example_mismatches import of_every_kind
 from tests.service.field_test.planned_tests import (
@@ -130,6 +131,19 @@ def test_page_loads_nothing_and_escapes_the_tag(plan):
     assert not re.search(r"(?:src|href)\s*=", text)
     assert "default-src 'none'" in text
     assert "Unit 7" in text
+
+
+@pytest.mark.parametrize("plan", PLANS)
+def test_commands_are_set_as_code_and_no_mark_of_it_is_left(plan):
+    """A sentence marks its commands by backticks, for a terminal. On the page they are code, on
+    paper they stand between quotation marks."""
+    sheet = sheet_of(plan(), "FIC-1")
+    text = html_of(sheet, CONTEXT).decode()
+    assert "`" not in text
+    assert ("<code>stemwatch explain" in text) == ("`stemwatch explain" in sheet.passes)
+    paper = markup(f"{sheet.passes} {sheet.after}", bold=False)
+    assert "`" not in paper
+    assert paper.count("“stemwatch ") == f"{sheet.passes} {sheet.after}".count("`stemwatch ")
 
 
 @pytest.mark.parametrize("plan", PLANS)

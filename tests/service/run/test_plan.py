@@ -12,6 +12,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Role
 from stemwatch.service.config import load_plant
 from stemwatch.service.presenter.finding import present
+from stemwatch.service.report.json_contract import to_contract
 from stemwatch.service.run.plan import Request, make_plan
 from stemwatch.service.run.task import screen_tasks
 
@@ -132,16 +133,17 @@ OP_AND_MV = "Time,OP,{0}\n" + "".join(
 
 def test_a_column_that_may_be_the_position_is_asked_for(tmp_path: Path) -> None:
     """Beside OP a column MV is not read, since nobody said what it is; the task asks, the recording
-    keeps the question among its decisions, and what to do next begins with it."""
+    keeps the question beside its decisions, and what to do next begins with it."""
     file = tmp_path / "loop.csv"
     file.write_text(OP_AND_MV.format("MV"), encoding="utf-8")
     (task,) = make_plan(Request(sources=(str(file),))).tasks
     assert Role.MV not in task.tags.tags
-    (question,) = task.file_remarks
+    question = task.position_question
     assert question.startswith("MV may be the measured position of loop, but the name leaves doubt")
     assert "--mv 'MV'" in question
     (screening,) = screen_tasks([task], Limits(), networks=False)
-    assert question in screening.provenance.decisions
+    assert screening.provenance.position_question == question
+    assert question in to_contract(screening)["provenance"]["decisions"]
     assert present(screening, stands=None).next_step.startswith(question)
 
 
@@ -151,4 +153,4 @@ def test_nothing_is_asked_where_no_name_leaves_doubt(tmp_path: Path, column: str
     file = tmp_path / "loop.csv"
     file.write_text(OP_AND_MV.format(column), encoding="utf-8")
     (task,) = make_plan(Request(sources=(str(file),))).tasks
-    assert task.file_remarks == ()
+    assert task.position_question == ""

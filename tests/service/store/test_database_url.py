@@ -46,6 +46,16 @@ def test_the_masked_form_still_says_which_store_it_is() -> None:
     assert "postgresql://watch:***@db.plant/stemwatch" == masked(WITH_PASSWORD[0])
 
 
+@pytest.mark.parametrize("password", ["ge@heim", "ge/heim", "ge#heim", "ge@he/im#"])
+def test_a_password_that_cuts_the_address_is_told_without_a_part_of_it(password: str) -> None:
+    """What follows the letter would be taken for the host, and shown in the error of the name that
+    is not found."""
+    pytest.importorskip("psycopg")
+    with pytest.raises(StoreError, match=r"watch:\*\*\*@db\.plant/.*%40 for @.*PGPASSWORD") as told:
+        open_store(f"postgresql://watch:{password}@db.plant/stemwatch")
+    assert "heim" not in str(told.value)
+
+
 @pytest.mark.parametrize("url", WITH_PASSWORD[:2])
 def test_a_server_that_does_not_answer_is_named_without_its_password(url: str) -> None:
     """The error of a failed connection holds no password, in its text or its traceback."""

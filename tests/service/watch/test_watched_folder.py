@@ -363,11 +363,13 @@ def test_samples_too_old_to_stay_are_told_and_may_come_again(
     assert file.accepted
     told = "; all of them are older than keep_samples_days = 1 days, and will be removed within"
     assert told in file.note
-    assert told in store.sources.taken(file.digest).note
+    stored = store.sources.taken(file.digest)
+    assert (stored.note, stored.too_old) == (file.note, file.samples)
 
     remove_old(store, load_plant(watched.file))
     assert count(store, folder) == 0
     drop(folder, "years.csv", export.read_bytes())
     (again,) = twice(folder)
     assert "keep_samples_days" not in again.note
+    assert again.too_old == 0
     assert count(store, folder) == again.samples > 0

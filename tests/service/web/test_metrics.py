@@ -203,6 +203,30 @@ def test_the_example_rules_ask_for_metrics_that_there_are() -> None:
         assert rule["expr"].count("(") == rule["expr"].count(")")
 
 
+def test_the_example_rules_ask_for_labels_that_there_are(site: Site) -> None:
+    """A rule whose label or word is misspelt never fires, and nobody notices."""
+    yaml = pytest.importorskip("yaml")
+    Spool(site.plant.beside("spool")).close()
+    checks = replace(site, checks=lambda: [Check(name="x", ok=True, vital=True)])
+    known: dict[str, set[tuple[str, str]]] = {}
+    for name, labels in read(checks):
+        known.setdefault(name, set()).update(labels)
+    rules = yaml.safe_load(RULES.read_text(encoding="utf-8"))["groups"][0]["rules"]
+    selected = [
+        (name, *pair)
+        for rule in rules
+        for name, inside in re.findall(r"(stemwatch_\w+)\{([^}]*)\}", rule["expr"])
+        for pair in re.findall(r'(\w+)="([^"]*)"', inside)
+    ]
+    assert len(selected) >= 5
+    assert [one for one in selected if one[1:] not in known[one[0]]] == []
+    for rule in rules:
+        names = re.findall(r"stemwatch_\w+", rule["expr"])
+        keys = {key for name in names for key, _ in known.get(name, ())}
+        written = set(re.findall(r"\$labels\.(\w+)", " ".join(rule["annotations"].values())))
+        assert written <= keys | {"instance"}, rule["alert"]
+
+
 def test_the_address_answers_as_prometheus_asks(site: Site, client_of) -> None:
     """The text format, with its version."""
     answer = client_of(site).get("/metrics")

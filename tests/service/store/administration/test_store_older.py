@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime
 
 import pytest
+from sqlalchemy import text
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.store.database_url import DatabaseUrl
@@ -55,20 +56,44 @@ def test_up_and_down_again_gives_every_value_back(store_url: str, revision: str)
 
 def test_down_and_up_again_keeps_what_the_older_schema_holds(store_url: str) -> None:
     """From the newest schema down and up: nothing is lost but the evidence of windows, what OP and
-    PV alone say, histograms, what people found, pictures, oscillations, and site, unit and loop of
-    valves, which only it has; views and the layout of samples come back."""
+    PV alone say, histograms, what is asked of a window, what people found, pictures, oscillations,
+    site, unit and loop of valves, and how many samples of a file were too old, which only it has;
+    views and the layout of samples come back."""
     with database_at(store_url, NEWEST) as engine:
         before = contents(engine)
         downgrade(engine, "0004")
         upgrade(engine, DatabaseUrl(store_url))
         after = contents(engine)
-    for column in ("evidence", "without_position", "histograms"):
+    newer_columns = (
+        "evidence",
+        "without_position",
+        "histograms",
+        "open_question",
+        "position_question",
+    )
+    for column in newer_columns:
         assert before["screenings"].pop(column) != after["screenings"].pop(column)
+    assert before["taken_files"].pop("too_old") != after["taken_files"].pop("too_old")
     for column in ("site", "unit", "loop"):
         assert before["valves"].pop(column) != after["valves"].pop(column)
     for newer in ("feedback", "pictures", "oscillations"):
         assert before.pop(newer) != after.pop(newer)
     assert before == after
+
+
+def test_a_file_whose_samples_were_too_old_may_come_again_after_the_upgrade(
+    store_url: str,
+) -> None:
+    """Until schema 0012 only the note said that the samples of a file would be removed again."""
+    note = "9 samples of 1 tags; all of them are older than keep_samples_days = 30 days, and"
+    with database_at(store_url, "0011") as engine, engine.begin() as connection:
+        chosen = "(SELECT min(digest) FROM taken_files)"
+        connection.execute(
+            text(f"UPDATE taken_files SET note = :note, accepted = true WHERE digest = {chosen}"),
+            {"note": note},
+        )
+    with open_store(store_url) as store:
+        assert [bool(file.too_old) for file in store.sources.files()].count(True) == 1
 
 
 def test_each_table_of_the_newest_schema_has_rows(store_url: str) -> None:
