@@ -98,6 +98,7 @@ class DecisionEvidence:
     both_in: StoredRange | None = None  # in which OP and position may both be stored, unscaled
     sampling: str = ""  # why the sampling is too slow to show how the stem moved, or empty
     swings: OwnSwing | None = None  # of the position alone, without its command
+    leads_s: float = 0.0  # by which the position moves first, where it may be OP itself
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,7 +250,8 @@ def _some_friction(evidence: DecisionEvidence, low: float, high: float, limits: 
         return _cannot_tell(f"S lies anywhere between {_percent(low)} and {_percent(high)}", LONGER)
     share = _share(evidence.S_draws >= limits.watch_S_percent)
     decision = _watch(evidence, limits, f"Some friction: S is {_width(evidence)}.", share)
-    return _unless_stored_so(decision, evidence, limits.sticky_S_percent)
+    decision = _unless_stored_so(decision, evidence, limits.sticky_S_percent)
+    return _unless_exchanged(decision, evidence)
 
 
 def _not_followed(evidence: DecisionEvidence, limits: Limits) -> str | None:
@@ -283,7 +285,8 @@ def _healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
         severity=10.0 * min(float(evidence.S.value or 0.0) / limits.watch_S_percent, 1.0),
         confidence=_share(evidence.S_draws < limits.sticky_S_percent),
     )
-    return _unless_stored_so(decision, evidence, limits.watch_S_percent)
+    decision = _unless_stored_so(decision, evidence, limits.watch_S_percent)
+    return _unless_exchanged(decision, evidence)
 
 
 def _unless_stored_so(decision: Decision, evidence: DecisionEvidence, limit: float) -> Decision:
@@ -304,6 +307,25 @@ def _unless_stored_so(decision: Decision, evidence: DecisionEvidence, limit: flo
             f"See whether OP and position are in percent. If they are in {stored.unit}, give low = "
             f"{stored.low:g}, high = {stored.high:g} for both in the plant file, else low = 0, "
             f"high = 100. {decision.advice}"
+        ),
+        confidence=min(decision.confidence, EITHER_RANGE),
+    )
+
+
+def _unless_exchanged(decision: Decision, evidence: DecisionEvidence) -> Decision:
+    """``decision`` with half the confidence at most, and with a doubt, where the position moves
+    before its command and either clocks differ or the two tags are exchanged."""
+    if evidence.leads_s <= 0.0 or decision.confidence is None:
+        return decision
+    return replace(
+        decision,
+        reason=(
+            f"{decision.reason} The position moves {duration(evidence.leads_s, evidence.unit_s)} "
+            "before OP: OP is stored late, or the two tags are exchanged."
+        ),
+        advice=(
+            "Check which tag is OP and which is the position: step OP by hand and see which moves "
+            f"first. {decision.advice}"
         ),
         confidence=min(decision.confidence, EITHER_RANGE),
     )
