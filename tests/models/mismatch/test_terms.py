@@ -402,3 +402,11 @@ def test_inherent_sizes_are_separated_from_defects(slug: str):
     worth_work = [(name, large) for name, _, large in MATTERS if name not in dict(AS_BUILT)]
     for name, values in (*worth_work, *DEFECTS):
         assert name != slug or not term.inherent(np.array(values), LOOK)
+
+
+@pytest.mark.parametrize(("gain", "perhaps"), [(0.9, True), (0.96, False), (1.1, False)])
+def test_a_span_of_90_percent_may_be_degrees(gain, perhaps):
+    """A quarter turn in degrees reads 90 at 100 %: the unit comes before a calibration."""
+    gains = {"gain": Estimate(value=gain, low=gain - 0.05, high=gain + 0.05, unit="")}
+    text = CATALOGUE["span_error"].sentence(gains, "rising", "falling")
+    assert ("degrees" in text) is perhaps
