@@ -54,7 +54,13 @@ from stemwatch.models.screening_result import DataQuality, Indicator, Residual, 
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.events import SlipEvents
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
-from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval, spread_of
+from stemwatch.models.stickslip.interval import (
+    StickSlipSample,
+    bootstrap,
+    interval,
+    spread_of,
+    way_in_a_sample,
+)
 from stemwatch.models.stickslip.op_within_steps import WITHIN_STEPS
 from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import make_problem
@@ -521,6 +527,7 @@ def _with_verdict(
         sampling=fitted.archive.reason if fitted.archive is not None else "",
         unit_s=fitted.recording.unit_s,
         swings=_own_swing(fit, mismatch),
+        steps=way_in_a_sample(fit.evaluator.problem) if fit.in_steps else 0.0,
         leads_s=fitted.late_s if fitted.perhaps_exchanged else 0.0,
     )
     judgement = decide(evidence, limits)
