@@ -149,8 +149,12 @@ class WiringEvidence:
 
     @property
     def of_another_loop(self) -> bool:
-        """Whether the position seems to stick, and PV answers OP and not where the position is."""
-        return self.at_most.S >= STICKS_SO_THAT_PV_TELLS and self.pv_answers.of_op_only
+        """Whether the position seems to stick, follows OP no better than another valve's does, and
+        PV answers OP and not where the position is. Beside loads that move the loop as much as the
+        set point does, OP alone tells much of PV with the valve's own position as well.
+        """
+        sticks = self.at_most.S >= STICKS_SO_THAT_PV_TELLS
+        return sticks and self.at_most.left >= DOUBTED and self.pv_answers.of_op_only
 
     @cached_property
     def rests(self) -> Rests:
