@@ -64,6 +64,10 @@ STEPPED = (
     "position is its own. If so, record a stretch in which OP is stepped up and down, each step "
     "held until the stem rests, and screen that."
 )
+FINER = (
+    "Step OP by 0.5 to 1 % at a time, a few steps up and a few down, each held until the stem "
+    "rests, and screen that."
+)
 FASTER = (
     "Have OP and position archived faster, without averages and exception reports, and screen it "
     "again."
@@ -97,6 +101,8 @@ class DecisionEvidence:
     op_in: StoredRange | None = None  # in which OP alone may be stored, unscaled
     sampling: str = ""  # why the sampling is too slow to show how the stem moved, or empty
     swings: OwnSwing | None = None  # of the position alone, without its command
+    steps: float = 0.0  # percent by which OP was stepped, where each of its steps moved the stem
+    leads_s: float = 0.0  # by which the position moves first, where it may be OP itself
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -247,10 +253,23 @@ def _some_friction(evidence: DecisionEvidence, low: float, high: float, limits: 
     if evidence.sampling and low < limits.watch_S_percent:
         return _cannot_tell(f"S is at most {_percent(high)}: {evidence.sampling}", FASTER)
     if high > 3.0 * limits.sticky_S_percent and low < limits.watch_S_percent:
-        return _cannot_tell(f"S lies anywhere between {_percent(low)} and {_percent(high)}", LONGER)
+        because, advice = _why_wide(evidence)
+        between = f"S lies anywhere between {_percent(low)} and {_percent(high)}"
+        return _cannot_tell(f"{between}{because}", advice)
     share = _share(evidence.S_draws >= limits.watch_S_percent)
     decision = _watch(evidence, limits, f"Some friction: S is {_width(evidence)}.", share)
-    return _unless_stored_so(decision, evidence, limits.sticky_S_percent)
+    decision = _unless_stored_so(decision, evidence, limits.sticky_S_percent)
+    return _unless_exchanged(decision, evidence)
+
+
+def _why_wide(evidence: DecisionEvidence) -> tuple[str, str]:
+    """Why the interval of S is wide, a clause that may be empty, and which recording would help."""
+    if evidence.sampling:
+        return f": {evidence.sampling}", FASTER
+    if evidence.steps > 0.0:
+        stepped = f"OP was stepped by {_percent(evidence.steps)} at a time"
+        return f": {stepped}, which moves a stem that sticks by less as well", FINER
+    return "", LONGER
 
 
 def _not_followed(evidence: DecisionEvidence, limits: Limits) -> str | None:
@@ -284,7 +303,8 @@ def _healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
         severity=10.0 * min(float(evidence.S.value or 0.0) / limits.watch_S_percent, 1.0),
         confidence=_share(evidence.S_draws < limits.sticky_S_percent),
     )
-    return _unless_stored_so(decision, evidence, limits.watch_S_percent)
+    decision = _unless_stored_so(decision, evidence, limits.watch_S_percent)
+    return _unless_exchanged(decision, evidence)
 
 
 def _unless_stored_so(decision: Decision, evidence: DecisionEvidence, limit: float) -> Decision:
@@ -319,6 +339,25 @@ def _in_either_range(decision: Decision, evidence: DecisionEvidence) -> Decision
             f"{stored.unit}, give low = {stored.low:g}, high = {stored.high:g} for {both} in the "
             f"plant file, else low = 0, high = 100. {decision.advice}"
         ),
+    )
+
+
+def _unless_exchanged(decision: Decision, evidence: DecisionEvidence) -> Decision:
+    """``decision`` with half the confidence at most, and with a doubt, where the position moves
+    before its command and either clocks differ or the two tags are exchanged."""
+    if evidence.leads_s <= 0.0 or decision.confidence is None:
+        return decision
+    return replace(
+        decision,
+        reason=(
+            f"{decision.reason} The position moves {duration(evidence.leads_s, evidence.unit_s)} "
+            "before OP: OP is stored late, or the two tags are exchanged."
+        ),
+        advice=(
+            "Check which tag is OP and which is the position: step OP by hand and see which moves "
+            f"first. {decision.advice}"
+        ),
+        confidence=min(decision.confidence, EITHER_RANGE),
     )
 
 
@@ -400,10 +439,9 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
         )
         return _watch(evidence, limits, cause, 0.5)
     if high >= limits.sticky_S_percent:
-        because = f": {evidence.sampling}" if evidence.sampling else ""
+        because, advice = _why_wide(evidence)
         return _cannot_tell(
-            f"S is probably {_percent(S)} but may be {_percent(high)}{because}",
-            FASTER if because else LONGER,
+            f"S is probably {_percent(S)} but may be {_percent(high)}{because}", advice
         )
     return _moved_otherwise(evidence, limits) or _healthy(evidence, limits)
 

@@ -17,7 +17,7 @@ from stemwatch.models.stickslip.fit import FirstLook
 from stemwatch.models.stickslip.op_within_steps import op_within_steps
 from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve, in_travel
 from stemwatch.models.validity_checks import reversed_obstacles
-from stemwatch.models.wiring_checks import wiring_obstacles
+from stemwatch.models.wiring_checks import perhaps_exchanged, wiring_obstacles
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +28,7 @@ class PreparedCommand:
     the network and for plots. ``commanded`` is what S and J are fitted to: OP also reconstructed
     from PV and set point where its steps are coarse (``within_steps``), and in percent of travel
     where there is a ``curve`` from OP to stroke. ``first_look`` is one at ``commanded``.
+    ``perhaps_exchanged``: OP seems late, and may as well be the position.
     """
 
     on_time: Recording
@@ -38,6 +39,7 @@ class PreparedCommand:
     curve_changed: str  # how it differs from the known curve, or empty
     first_look: FirstLook | None
     obstacles: tuple[Obstacle, ...]
+    perhaps_exchanged: bool = False
 
     @property
     def unsure_degree(self) -> int:
@@ -78,6 +80,9 @@ def _prepared(
     commanded = in_travel(finer, curve)
     first_look = look_as_stored if commanded is as_stored else FirstLook.of(commanded)
     obstacles = [] if curve else reversed_obstacles(finer)
+    # An OP that answers PV as a controller does cannot be a position, however late it is.
+    stored_late = as_stored if late_s > 0.0 and not late.by_controller else None
+    obstacles = obstacles or wiring_obstacles(commanded, stored_late, first_look)
     return PreparedCommand(
         on_time=on_time,
         commanded=commanded,
@@ -86,14 +91,8 @@ def _prepared(
         curve=curve,
         curve_changed=curve_changed,
         first_look=first_look,
-        obstacles=tuple(obstacles or _wiring(commanded, as_stored, late, first_look)),
+        obstacles=tuple(obstacles),
+        perhaps_exchanged=stored_late is not None
+        and not obstacles
+        and perhaps_exchanged(commanded, stored_late, late_s, first_look),
     )
-
-
-def _wiring(
-    commanded: Recording, as_stored: Recording, late: LateEvidence, first_look: FirstLook | None
-) -> list[Obstacle]:
-    """What else explains the position than ``commanded``, mixed-up tags or clocks far apart."""
-    # An OP that answers PV as a controller does cannot be a position, however late it is.
-    may_be_swapped = late.late_s(as_stored.interval_s) > 0.0 and not late.by_controller
-    return wiring_obstacles(commanded, as_stored if may_be_swapped else None, first_look)

@@ -44,7 +44,7 @@ from stemwatch.models.narx.architecture import StickSlipStart
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.oscillation import signal_oscillation
-from stemwatch.models.own_clock import off_own_clock, on_own_clock
+from stemwatch.models.own_clock import duration, off_own_clock, on_own_clock
 from stemwatch.models.own_swing import OwnSwing, own_swing
 from stemwatch.models.position_histograms import position_histograms
 from stemwatch.models.prepared_command import prepare_command
@@ -55,7 +55,13 @@ from stemwatch.models.screening_result import DataQuality, Indicator, Residual, 
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.events import SlipEvents
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
-from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval, spread_of
+from stemwatch.models.stickslip.interval import (
+    StickSlipSample,
+    bootstrap,
+    interval,
+    spread_of,
+    way_in_a_sample,
+)
 from stemwatch.models.stickslip.op_within_steps import WITHIN_STEPS
 from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import make_problem
@@ -97,6 +103,11 @@ class Options:
 
 DEFAULTS = Options()
 
+PERHAPS_EXCHANGED = (
+    "The position moves {} before OP, so that OP may be the position and the position OP: what S "
+    "and J leave out is not asked."
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class _Fitted:
@@ -114,6 +125,7 @@ class _Fitted:
     masked: Recording
     stretch: FitWindow | None = None
     late_s: float = 0.0  # by which OP was shifted earlier in ``masked``
+    perhaps_exchanged: bool = False  # OP seems late, and may as well be the position
     within_steps: bool = False  # OP was reconstructed within its coarse steps from PV and set point
     curve: StrokeCurve | None = None
     curve_changed: str = ""  # how it differs from the known curve, or empty
@@ -197,6 +209,7 @@ def _fit_part(assessed: _Fitted, limits: Limits) -> _Fitted:
         masked=command.on_time,
         stretch=stretch,
         late_s=command.late_s,
+        perhaps_exchanged=command.perhaps_exchanged,
         within_steps=command.within_steps,
         curve=command.curve,
         curve_changed=command.curve_changed,
@@ -307,7 +320,11 @@ def _conclude(fitted: _Fitted, network: NarxFit | None, options: Options) -> Scr
 
 
 def _explained(fitted: _Fitted, network: NarxFit | None) -> Mismatch:
-    """What S and J leave out; nothing that is settled already is looked for again."""
+    """What S and J leave out; nothing that is settled already is looked for again. Nothing is asked
+    where OP and position may be exchanged: a command has none of a stem's effects."""
+    if fitted.perhaps_exchanged:
+        first = duration(fitted.late_s, fitted.recording.unit_s, ".1f")
+        return Mismatch.unknown(PERHAPS_EXCHANGED.format(first))
     return explain(
         fitted.recording,
         ceiling=network.simulated if network is not None else None,
@@ -514,6 +531,8 @@ def _with_verdict(
         sampling=fitted.archive.reason if fitted.archive is not None else "",
         unit_s=fitted.recording.unit_s,
         swings=_own_swing(fit, mismatch),
+        steps=way_in_a_sample(fit.evaluator.problem) if fit.in_steps else 0.0,
+        leads_s=fitted.late_s if fitted.perhaps_exchanged else 0.0,
     )
     judgement = decide(evidence, limits)
     if not judgement.numbers_hold:

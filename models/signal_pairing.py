@@ -10,6 +10,7 @@ from stemwatch.models.cross_correlation import lagged_products
 from stemwatch.models.excitation import swing, travel
 from stemwatch.models.first_order_lag import first_order_lag
 from stemwatch.models.forensics import noise_sigma, quantum
+from stemwatch.models.op_in_steps import op_is_set_in_steps
 from stemwatch.models.quantiles import percentiles
 from stemwatch.models.recording import Floats, Recording, Role, Signal, kept
 from stemwatch.models.runs_of_samples import equal_runs
@@ -31,6 +32,7 @@ TWO_PLACES = 3  # values of a reading that shows open and shut only
 EXCHANGED = -0.75
 MOST = 1e9  # larger values cannot be a reading
 LEAST_MOVE_PERCENT = 1.0
+WIDEST_STEP_PERCENT = 1.0  # of a recorder of OP; in wider ones a person sets it
 STRETCHES, FEWEST_IN_STRETCH = 25, 10  # of a record, and samples in one
 SUMMED, TOWARDS_COMMAND = 0.9, (-0.5, 0.1)
 SETTLED_S = 30.0  # of the own clock, after which a stem has followed a constant OP
@@ -152,11 +154,19 @@ def moved_without_command(recording: Recording) -> float:
     op, mv = _pairs(recording)
     if not op.size:
         return 0.0
-    least = max(6.0 * noise_sigma(mv), LEAST_MOVE_PERCENT)
+    least = _least_move(recording, op, mv)
     settled = max(round(SETTLED_S / recording.interval_s), 2)
     path = travel(mv, least)
     runs = [(first + settled, last) for first, last in equal_runs(op) if last - first > 2 * settled]
     return sum(travel(mv[first:last], least) for first, last in runs) / path if path else 0.0
+
+
+def _least_move(recording: Recording, op: Floats, mv: Floats) -> float:
+    """What a position must move, percent, while a stored OP stands still, so that it moves alone:
+    more than its noise, and more than the command may have moved within a recorder's step.
+    """
+    hidden = 0.0 if op_is_set_in_steps(recording) else min(quantum(op), WIDEST_STEP_PERCENT)
+    return max(6.0 * noise_sigma(mv), LEAST_MOVE_PERCENT) + hidden
 
 
 def to_and_fro_at_the_end(recording: Recording) -> float:
@@ -166,7 +176,7 @@ def to_and_fro_at_the_end(recording: Recording) -> float:
     op, mv = _pairs(recording)
     if not op.size:
         return 0.0
-    least = max(6.0 * noise_sigma(mv), LEAST_MOVE_PERCENT)
+    least = _least_move(recording, op, mv)
     path, ends = travel(mv, least), (op.min(), op.max())
     rests = [
         mv[first + AFTER_THE_END : last]

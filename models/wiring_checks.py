@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from stemwatch.models.excitation import swing
+from stemwatch.models.forensics import quantum
 from stemwatch.models.own_clock import duration
 from stemwatch.models.percent import POSSIBLE_PERCENT
 from stemwatch.models.pv_answers import STICKS_PERCENT as STICKS_SO_THAT_PV_TELLS
@@ -47,6 +48,10 @@ SWAPPED_BY_RESTS = 1.5
 # way round. This is not checked where the position follows OP so badly that it may be another
 # valve's.
 OP_PLAINLY, PV_PLAINLY, FOLLOWS = 3.0, 10.0, 0.5
+# The law fits the position better than an OP in coarse steps, too: of five simulated loops by up to
+# 6 times in steps of 1 %, and by up to 2 in steps of 0.5 %.
+FINEST_STEP_TOLD = 0.25  # percent of OP
+LEAST_LEAD = 1.0  # samples by which the position moves first, from which this is said
 LEAST_SWING_PERCENT = 0.5
 # Which is exchanged for which, and what then is the command and what the position.
 OTHERS = (
@@ -144,8 +149,12 @@ class WiringEvidence:
 
     @property
     def of_another_loop(self) -> bool:
-        """Whether the position seems to stick, and PV answers OP and not where the position is."""
-        return self.at_most.S >= STICKS_SO_THAT_PV_TELLS and self.pv_answers.of_op_only
+        """Whether the position seems to stick, follows OP no better than another valve's does, and
+        PV answers OP and not where the position is. Beside loads that move the loop as much as the
+        set point does, OP alone tells much of PV with the valve's own position as well.
+        """
+        sticks = self.at_most.S >= STICKS_SO_THAT_PV_TELLS
+        return sticks and self.at_most.left >= DOUBTED and self.pv_answers.of_op_only
 
     @cached_property
     def rests(self) -> Rests:
@@ -163,6 +172,29 @@ class WiringEvidence:
         if self.rests.of_command:
             return SWAPPED_BY_RESTS
         return SURELY_SWAPPED if self.as_stored is None else SWAPPED_AND_LATE
+
+    @cached_property
+    def position_is_plainly_the_output(self) -> bool:
+        """Whether the position follows the controller's law and OP does not, and OP follows the
+        position as well as the position follows OP: the two are exchanged, even where the valve
+        does not stick. Asked of the clocks as they were stored.
+        """
+        stored = self.as_stored or self.recording
+        if quantum(stored.op.values[stored.op.usable]) > FINEST_STEP_TOLD:
+            return False
+        as_position = behind_controller(stored, output=Role.MV)
+        if not as_position.rather_than(behind_controller(stored), OP_PLAINLY):
+            return False
+        return self.exchanged.left <= self.at_most.left
+
+    @property
+    def perhaps_exchanged(self) -> bool:
+        """Whether an OP that was stored late may as well be the position: the controller does not
+        tell, no stem is seen to rest, and OP follows the position about as well.
+        """
+        if self.as_stored is None or self.op_plainly or self.rests.of_position:
+            return False
+        return self.exchanged.left <= SWAPPED_BY_RESTS * self.at_most.left
 
     @property
     def sticks_either_way(self) -> float:
@@ -200,10 +232,24 @@ def wiring_obstacles(
     seen = WiringEvidence.of(recording, as_stored, first_look)
     if seen is None:
         return []
+    if seen.position_is_plainly_the_output:
+        return [_exchanged()]
     obstacles = _otherwise_explained(recording, seen)
     if not obstacles and seen.of_another_loop:
         return [_not_answered(seen.pv_answers)]
     return obstacles
+
+
+def perhaps_exchanged(
+    recording: Recording, as_stored: Recording, late_s: float, first_look: FirstLook | None = None
+) -> bool:
+    """Whether an OP that was brought forward by ``late_s`` in ``recording`` may be the position,
+    and the position OP: a stem that answers late looks so. ``as_stored`` is the recording before.
+    """
+    if late_s < LEAST_LEAD * as_stored.interval_s:
+        return False
+    seen = WiringEvidence.of(recording, as_stored, first_look)
+    return seen is not None and seen.perhaps_exchanged
 
 
 def _otherwise_explained(recording: Recording, seen: WiringEvidence) -> list[Obstacle]:
@@ -262,6 +308,15 @@ def _swapped(role: Role, instead_role: Role) -> Obstacle:
         f"{first} and {second} seem swapped: the recording makes sense the other way round, and "
         "not as it is mapped",
         remedy,
+    )
+
+
+def _exchanged() -> Obstacle:
+    return Obstacle(
+        "tags_swapped",
+        "OP and the position seem swapped: it is the position that answers PV and set point as a "
+        "controller's output does, and OP follows it",
+        "Check which tag is OP and which is the position, and map them the other way round.",
     )
 
 

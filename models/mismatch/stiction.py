@@ -22,9 +22,15 @@ from stemwatch.models.mismatch.findings import Stiction
 from stemwatch.models.mismatch.force_balance import ForceBalance
 from stemwatch.models.mismatch.reading_errors import without_error
 from stemwatch.models.mismatch.uncertainty import estimate
+from stemwatch.models.op_in_steps import set_in_steps
 from stemwatch.models.recording import PERCENT, Floats
 from stemwatch.models.stickslip.breakaways import LEAST_J, Breakaways, breakaways
-from stemwatch.models.stickslip.interval import REPLICATES, way_in_a_sample, with_untold_jumps
+from stemwatch.models.stickslip.interval import (
+    REPLICATES,
+    way_in_a_sample,
+    with_jumps_of_steps,
+    with_untold_jumps,
+)
 from stemwatch.models.stickslip.problem import FitProblem
 
 # Standard error: no stem is exactly the element, and a little lag looks like a little dead band.
@@ -65,7 +71,12 @@ def stiction(
     all_drawn = drawn_candidates()
     S_replicates = all_drawn[:, base_coordinate.S_PERCENT]
     J_replicates = S_replicates * all_drawn[:, base_coordinate.RATIO]
-    if J < LEAST_J:
+    problem = evaluator.problem
+    if set_in_steps(problem.op[problem.scored], problem.mv[problem.scored]):
+        S_replicates, J_replicates = with_jumps_of_steps(
+            S_replicates, J_replicates, way_in_a_sample(problem)
+        )
+    elif J < LEAST_J:
         J_replicates = with_untold_jumps(S_replicates, J_replicates)
     return Stiction(
         S=_positive(estimate(S_replicates, float(S), PERCENT, float(error))),

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stemwatch.models.forensics import repeat_share
+from stemwatch.models.op_in_steps import set_in_steps
 from stemwatch.models.recording import Bools, Floats, Recording
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.breakaways import (
@@ -46,6 +47,8 @@ COARSE_COMMAND = 0.05
 # Loss of a search that began at the S and J of the slips, as a share of the fit's, up to which the
 # slips decide which of the two is right.
 AS_GOOD = 1.1
+LESS = np.linspace(1.0, 0.0, 21)  # shares by which a jump is tried smaller, none at last
+NO_WORSE = 1.01  # times the loss of the fit, up to which another is as good
 CLEARLY = 0.97  # share of the canonical reading's loss that another reading must reach
 
 
@@ -276,6 +279,8 @@ class StickSlipFit:
     unneeded: Breakaways | None = None
     # Those of friction alone, where a lag may have taken the place of part of it.
     alone: Breakaways | None = None
+    # OP was set in steps and the stem moved at each of them, as in a stroke test.
+    in_steps: bool = False
 
     @property
     def S(self) -> float:
@@ -403,6 +408,9 @@ def fit_stickslip(
     )
     naive = _polish(evaluator, all_blocks, trained["sticking"].candidate, "sticking")
     chosen = _with_slips(evaluator, all_blocks, trained_hypothesis, final, naive)
+    in_steps = set_in_steps(problem.op[problem.scored], problem.mv[problem.scored])
+    if in_steps and chosen.slips is None:
+        chosen = chosen._replace(fitted=_least_jump(evaluator, chosen.fitted))
     friction_alone = None
     if _is_late(evaluator, chosen.fitted):
         friction_alone = _breakaways(evaluator, naive.candidate)
@@ -418,6 +426,7 @@ def fit_stickslip(
         breakaways=chosen.slips,
         unneeded=chosen.unneeded,
         alone=friction_alone,
+        in_steps=in_steps,
     )
 
 
@@ -518,6 +527,23 @@ def _breakaways_of_jumps(evaluator: StickSlipEvaluator, candidate: Floats) -> Br
         return None
     S, J = S_and_J(candidate)[0], events.size / abs(gain)
     return breakaways(evaluator.problem, gain, zero, S, J)
+
+
+def _least_jump(evaluator: StickSlipEvaluator, fitted: SearchResult) -> SearchResult:
+    """The smallest S and J with the same dead band S - J that are as good as the ``fitted`` ones:
+    a step moves the stem as far whatever smaller breakaway level it has exceeded.
+    """
+    S, J = S_and_J(fitted.candidate)
+    jumps = J - min(S, J) * LESS
+    candidates = np.tile(fitted.candidate, (jumps.size, 1))
+    widths = S - J + jumps
+    candidates[:, coordinate.S_PERCENT] = widths
+    candidates[:, coordinate.RATIO] = jumps / np.maximum(widths, 1e-9)
+    candidates = evaluator.bounds.clip(candidates)
+    losses, counts = evaluator.block_losses(candidates)
+    means = losses.sum(axis=1) / max(counts.sum(), 1.0)
+    best = int(np.flatnonzero(means <= NO_WORSE * means[-1])[0])
+    return SearchResult(candidates[best], float(means[best]))
 
 
 def _begun_at_slips(

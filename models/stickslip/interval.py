@@ -95,7 +95,9 @@ def bootstrap(fit: StickSlipFit, *, peaks_kept: bool = True) -> StickSlipSample:
         width = np.where(width > 0, np.maximum(0.5 * spread, smallest), 0.0)
     S = draws[:, coordinate.S_PERCENT]
     J = S * draws[:, coordinate.RATIO]
-    if fit.J < LEAST_J:
+    if fit.in_steps:
+        S, J = with_jumps_of_steps(S, J, way_in_a_sample(fit.evaluator.problem))
+    elif fit.J < LEAST_J:
         within_sample = way_in_a_sample(fit.evaluator.problem) if peaks_kept else 0.0
         largest = max(LEAST_J if fit.unneeded is None else fit.unneeded.J, LEAST_J, within_sample)
         raised = with_untold_jumps(S, J, largest)
@@ -118,6 +120,20 @@ def with_untold_jumps(S: Floats, J: Floats, largest: float = LEAST_J) -> Floats:
     """
     untold = largest * np.random.default_rng(9).random(J.size)
     return np.asarray(np.maximum(J, np.minimum(untold, S)))
+
+
+def with_jumps_of_steps(S: Floats, J: Floats, step: float) -> tuple[Floats, Floats]:
+    """Draws of S and J (m,) with J raised to anything up to the largest jump that an OP in steps
+    does not show, percent, and S by as much.
+
+    The dead band S - J is what the stem stays behind; after it a ``step`` moves the stem whatever
+    level (S + J)/2 it has exceeded. In the direction of the last move that is ``J < step``, after a
+    reversal ``J < step - (S - J)``, where the step is wider than the dead band.
+    """
+    dead_band = S - J
+    largest = np.where(step > dead_band, step - dead_band, step)
+    raised = np.maximum(J, largest * np.random.default_rng(9).random(J.size))
+    return dead_band + raised, raised
 
 
 def _with_friction_alone(sample: StickSlipSample, fit: StickSlipFit) -> StickSlipSample:

@@ -32,6 +32,8 @@ STRAIGHT_PERCENT = 0.01  # of travel, off the chord: a curve that was fitted as 
 # which a curve is found with.
 BENT_DEGREE = 5
 POINTS_OFF_PERCENT = 0.5  # of travel, by which points on a line are left out
+# A position in another unit begins at 0 with OP, percent off it at most, and has such a slope.
+FROM_ZERO_PERCENT, OTHER_UNIT = 3.0, (0.05, 0.95)
 # Ranges are set to round numbers, in multiples of ROUND_PERCENT of OP, which lie within
 # NOT_TOLD_PERCENT of the estimate.
 ROUND_PERCENT, NOT_TOLD_PERCENT = 5.0, 1.0
@@ -156,6 +158,13 @@ class StrokeCurve:
         if not self.slope_known:
             return (
                 f"{sentence}; it moved between so few places that the curve's slope is not known."
+            )
+        if abs(self.zero) <= FROM_ZERO_PERCENT and OTHER_UNIT[0] < self.slope < OTHER_UNIT[1]:
+            return (
+                f"{sentence}, nearly linear, and so to {100.0 * self.slope:.0f} at 100 %: as a "
+                "position in degrees or mm reads that is taken as percent (give its values at 0 % "
+                "and 100 %, low and high, in the plant file), or one of a valve that is set to a "
+                "part of its stroke."
             )
         first = begin - low / self.slope
         first, last = _round(first), _round(first + 100.0 / self.slope)

@@ -251,3 +251,11 @@ def test_evident_jumps_give_sticky_although_the_model_mistimes_slips():
     poor = {"following": POOR, **POOR_FIT}
     assert decide(evidence(4.0, 2.0, **poor), LIMITS).verdict is Verdict.UNDETERMINED
     assert decide(evidence(4.0, 2.0, jumps_evident=True, **poor), LIMITS).verdict is Verdict.STICKY
+
+
+@pytest.mark.parametrize(("S", "verdict"), [(0.2, Verdict.HEALTHY), (1.0, Verdict.WATCH)])
+def test_a_lead_of_the_position_halves_the_confidence(S, verdict):
+    """Clocks or exchanged tags: the reason says so, and no verdict is sure."""
+    decision = decide(evidence(S, 0.1, J=0.0, leads_s=3.0), LIMITS)
+    assert (decision.verdict, decision.confidence) == (verdict, 0.5)
+    assert "moves 3 s before OP" in decision.reason

@@ -11,6 +11,7 @@ from stemwatch.models.op_in_steps import op_is_set_in_steps
 from stemwatch.models.quality import assess
 from stemwatch.models.recording import Floats, Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.stickslip.interval import with_jumps_of_steps
 from stemwatch.models.stickslip.op_within_steps import op_within_steps
 from stemwatch.models.verdict import Verdict
 
@@ -91,3 +92,32 @@ def test_a_healthy_valve_in_a_stroke_test_is_not_called_sticky(step):
     (screened,) = screen([Case(recording=recorded(op, lagged(op)))], Options(narx=False))
     assert screened.verdict in (Verdict.HEALTHY, Verdict.UNDETERMINED)
     assert screened.S.low is None or screened.S.low < 0.75
+
+
+@pytest.mark.parametrize("tau", [0.3, 2.0])
+@pytest.mark.parametrize("half_band", [0.0, 1.5])
+def test_s_and_j_hold_whatever_jump_a_step_hides(half_band, tau):
+    """A stem with a dead band of 3 % may also jump by 1 % at each step of 5 %, and one without a
+    dead band by 4 %: the record is the same, a lag beside it or none."""
+    op = staircase(5.0)
+    recording = recorded(op, lagged(stuck_by(op, half_band), tau))
+    (screened,) = screen([Case(recording=recording)], Options(narx=False))
+    dead_band = 2.0 * half_band
+    assert screened.S.low <= dead_band + 0.1
+    assert screened.S.high >= min(dead_band + 4.0, 4.5)
+    assert screened.J.low == 0.0
+    if half_band:
+        assert screened.verdict is Verdict.STICKY
+    else:
+        assert "may be" in screened.reason
+        assert "0.5 to 1 %" in screened.advice
+
+
+@pytest.mark.parametrize(("dead_band", "largest"), [(0.0, 5.0), (3.0, 2.0), (6.0, 5.0)])
+def test_jumps_of_steps_keep_the_dead_band(dead_band, largest):
+    """J reaches what the step leaves beyond the dead band, S goes up with it."""
+    S, J = np.full(2000, dead_band + 0.1), np.full(2000, 0.1)
+    wider, jumps = with_jumps_of_steps(S, J, 5.0)
+    assert wider - jumps == pytest.approx(np.full(2000, dead_band))
+    assert 0.1 <= jumps.min() < 0.2
+    assert jumps.max() == pytest.approx(largest, rel=0.01)

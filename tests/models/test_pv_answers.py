@@ -12,8 +12,9 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.pv_answers import PvAnswers
 from stemwatch.models.quality import assess
 from stemwatch.models.recording import Recording, Role, Signal
+from stemwatch.models.stickslip.best_pairing import BestShift
 from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
-from stemwatch.models.wiring_checks import wiring_obstacles
+from stemwatch.models.wiring_checks import WiringEvidence, wiring_obstacles
 from stemwatch.service.studies.miswiring import RecordedValve, draw_miswired, record
 
 
@@ -69,3 +70,13 @@ def test_without_pv_nothing_is_said() -> None:
     for one in (replace(recording, signals=signals), recording.part(0, 200)):
         assert np.isnan(PvAnswers.of(one).op_alone)
         assert not PvAnswers.of(one).of_op_only
+
+
+@pytest.mark.parametrize(("left", "doubted"), [(0.29, False), (0.42, True)])
+def test_a_position_that_follows_op_closely_is_not_anothers(left: float, doubted: bool) -> None:
+    """Loads that nobody records make OP tell of PV. A sticking valve's own position leaves 0.29 of
+    its moves at most there, another's of the same programme 0.41 and more."""
+    seen = WiringEvidence.of(simulate_loop(draw_sticky(1, 5151)[0], 3).recording)
+    assert seen is not None
+    vars(seen).update(at_most=BestShift(left, 0.0, 4.5), pv_answers=PvAnswers(0.7, 600.0))
+    assert seen.of_another_loop is doubted

@@ -294,6 +294,19 @@ def test_the_scans_of_both_tags_stand_among_the_decisions():
     assert not any("scan" in decision for decision in plain.provenance.decisions)
 
 
+@pytest.mark.parametrize("lag_s", [0.1, 1.0, 3.0])
+def test_a_position_that_moves_first_is_doubted_where_no_controller_tells(lag_s):
+    """OP and position of a healthy valve exchanged, without PV: an OP that is stored late looks
+    so as well. No sure verdict, and nothing is named that a command cannot have."""
+    recording = plant(S=0.3, J=0.0, lag_s=lag_s)
+    exchanged = recorded(recording.signals[Role.MV].values, recording.op.values)
+    (screening,) = screen([Case(recording=exchanged)], Options(narx=False))
+    assert (screening.verdict, screening.confidence) == (Verdict.HEALTHY, 0.5)
+    assert "before OP" in screening.reason
+    assert screening.mismatch is not None
+    assert not screening.mismatch.effects
+
+
 def test_a_dead_band_on_ramps_of_one_speed_is_no_lag():
     """On ramps of one speed a lag of some seconds can stand for most of a dead band."""
     seconds = np.arange(1800.0)

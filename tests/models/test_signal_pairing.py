@@ -11,6 +11,7 @@ from stemwatch.models.signal_pairing import (
     correlation,
     delayed_correlation,
     is_copy,
+    moved_without_command,
     sums_its_command,
 )
 from stemwatch.models.studies.simulator import draw_healthy, draw_sticky, simulate_loop
@@ -76,3 +77,17 @@ def test_correlation_of_what_does_not_move_is_zero():
     """A constant position has a correlation of zero."""
     still = pair(OP, np.full(OP.size, 50.0))
     assert (0.0, 0.0, False) == (correlation(still), delayed_correlation(still), is_copy(still))
+
+
+@pytest.mark.parametrize("step", [0.5, 1.0])
+def test_a_stem_that_moves_within_the_steps_of_a_coarse_op_does_not_move_alone(step):
+    """A slow command whose stored OP stands still for minutes has moved within its step, and so
+    has the stem; beside an OP that is stored as it is the same moves are its own."""
+    clock = np.arange(7200)
+    noise = 0.1 * np.random.default_rng(8).standard_normal(clock.size)
+    slow = 50.0 + 0.9 * step * np.sin(clock / 150.0) + 1.5 * step * np.sin(clock / 1900.0)
+    stem = slow + noise
+    assert moved_without_command(pair(np.round(slow / step) * step, stem)) < 0.15
+    still = 50.0 + 2.0 * (clock > 3600)
+    alone = pair(still, stem + still - 50.0 + 1.5 * np.sin(clock / 150.0))
+    assert moved_without_command(alone) > 0.15

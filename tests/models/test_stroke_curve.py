@@ -291,6 +291,16 @@ def test_a_split_range_is_said_in_one_sentence():
     assert result.mismatch.stroke_curve is not None
 
 
+def test_a_position_that_is_in_millimetres_is_asked_for_its_unit():
+    """No OP of 262 % strokes a valve; one that begins elsewhere is no other unit."""
+    values = np.array([20.0, 70.0])
+    in_mm = StrokeCurve(op=tuple(values), travel=tuple(0.381 * values))
+    assert "so to 38 at 100 %" in in_mm.sentence()
+    assert "degrees or mm" in in_mm.sentence()
+    from_20 = StrokeCurve(op=tuple(values), travel=tuple(20.0 + 0.381 * values))
+    assert "as if OP" in from_20.sentence()
+
+
 def test_a_bend_is_said_with_its_size():
     """An equal percentage is no straight line, and the sentence says how far it is off one."""
     text = curve_of("equal percentage", *STICKING).sentence()

@@ -220,6 +220,23 @@ def test_a_stem_that_turns_round_while_op_rests_at_its_end_is_moved_by_another()
     assert "op_not_followed" in told(other)
 
 
+def exchanged(recording: Recording) -> Recording:
+    """OP and position under each other's name."""
+    return wired(recording, op=values(recording, Role.MV), mv=values(recording, Role.OP))
+
+
+def test_the_controller_tells_that_op_and_position_of_a_healthy_valve_are_exchanged():
+    """What answers PV and set point is the output, however little the valve sticks; a position
+    that is recorded right is never taken for it, nor beside an OP in steps of 0.25 %."""
+    stories = ("badly tuned", "oscillating")
+    for loop in draw_healthy(24, 6161):
+        recording = simulate_loop(loop, 3).recording
+        coarse = np.round(values(recording, Role.OP) / 0.25) * 0.25
+        assert "tags_swapped" not in told(recording) + told(wired(recording, op=coarse))
+        if any(story in loop.story for story in stories):
+            assert told(exchanged(recording)) == ["tags_swapped"]
+
+
 def test_swapped_tags_of_a_sticking_valve_are_never_healthy_for_sure():
     """OP and position exchanged: reported, or at least not called healthy."""
     sticking = simulate_loop(draw_sticky(3, 5151)[2], 3).recording

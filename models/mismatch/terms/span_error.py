@@ -28,6 +28,10 @@ from stemwatch.models.recording import Floats
 MATERIAL_PERCENT = 0.3  # of travel, at the end of the travel seen against its middle
 
 
+# A quarter turn in degrees for 100 %; and by how much the best gain may be off that.
+OF_DEGREES, NEAR_DEGREES = 0.9, 0.02
+
+
 class SpanError(ReadingTerm):
     """A wrong span of the reading: one coordinate, its gain less 1."""
 
@@ -93,7 +97,7 @@ class SpanError(ReadingTerm):
         change = "compressed" if number(parameters["gain"]) < 1.0 else "stretched"
         return (
             f"The position reading is {change} over the stroke: it moves by {parameters['gain']} % "
-            "for each percent of travel."
+            f"for each percent of travel.{_perhaps_degrees(parameters['gain'])}"
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
@@ -106,6 +110,16 @@ class SpanError(ReadingTerm):
             fails=f"about {about_value(parameters['gain'], 60.0)} %",
             passes=f"60 %, to within {MATERIAL_PERCENT} %",
         )
+
+
+def _perhaps_degrees(gain: Estimate) -> str:
+    """A sentence, with a leading blank, where the gain is that of a quarter turn in degrees."""
+    if not abs(number(gain) - OF_DEGREES) <= NEAR_DEGREES:
+        return ""
+    return (
+        " So does a position in degrees, 0 to 90, that is taken as percent: see its unit before "
+        "anything is calibrated, and if it is degrees, give low = 0, high = 90 in the plant file."
+    )
 
 
 TERM: Term = SpanError()

@@ -433,3 +433,11 @@ def test_how_machines_are_built_is_counted_in_true_seconds(slug: str, values: li
     assert term.inherent(within, LOOK)
     if slug != "dead_time":  # the clocks of two tags may differ by a sample
         assert not term.inherent(within, replace(LOOK, unit_s=60.0))
+
+
+@pytest.mark.parametrize(("gain", "perhaps"), [(0.9, True), (0.96, False), (1.1, False)])
+def test_a_span_of_90_percent_may_be_degrees(gain, perhaps):
+    """A quarter turn in degrees reads 90 at 100 %: the unit comes before a calibration."""
+    gains = {"gain": Estimate(value=gain, low=gain - 0.05, high=gain + 0.05, unit="")}
+    text = CATALOGUE["span_error"].sentence(gains, "rising", "falling")
+    assert ("degrees" in text) is perhaps
