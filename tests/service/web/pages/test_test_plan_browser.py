@@ -84,7 +84,7 @@ def test_limits_are_given_by_keyboard(opened: Opened) -> None:
         page.keyboard.press("Enter")
     assert parse_qs(urlsplit(page.url).query)["amplitude"] == ["3,5"]
     assert page.get_by_label("Amplitude, % of OP").input_value() == "3,5"
-    assert "between 56.5 and 63.5 %" in page.locator("main").inner_text()
+    assert "between 56.5 and 63.5\N{NO-BREAK SPACE}%" in page.locator("main").inner_text()
 
 
 def test_a_limit_without_sense_is_said_where_the_form_is(opened: Opened) -> None:
