@@ -96,7 +96,7 @@ def _inspect_exports(
     proposed = plant_toml(sources, _curves(files))
     if write is not None:
         write.write_text(proposed, encoding="utf-8")
-        inspection_views.say_plant_written(write)
+        views.say_plant_written(write)
         return
     inspection_views.show_proposal(proposed)
     views.say_next(

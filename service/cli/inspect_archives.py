@@ -74,7 +74,7 @@ def inspect_archives(
         return
     whole = file.read_text(encoding="utf-8-sig").rstrip() + "\n\n" + proposed
     write.write_text(whole, encoding="utf-8")
-    inspection_views.say_plant_written(write)
+    views.say_plant_written(write)
 
 
 def _chosen(plant: Plant, file: Path, source: str) -> Mapping[str, ArchiveSettings]:

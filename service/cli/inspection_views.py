@@ -11,8 +11,6 @@ from rich.table import Table
 from stemwatch.service.cli.views import as_toml_escapes, escape, out
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from stemwatch.connectors.historian.inspection import Inspection, TagInspection
 
 LONGEST_TAG = 24  # characters of a tag that stay on one line
@@ -56,12 +54,6 @@ def show_proposal(toml: str) -> None:
     out.print("\n[bold]Proposed for plant.toml[/] (check the roles before you trust it):\n")
     mapping = Syntax("", "toml", background_color="default").highlight(as_toml_escapes(toml))
     out.print(mapping, soft_wrap=True)  # a line cut at the terminal's edge is no TOML
-
-
-def say_plant_written(file: Path) -> None:
-    """Say that a proposed plant file is written, and what comes next."""
-    out.print(f"\n{escape(str(file))} is written. Check the roles in it; then")
-    out.print(f"  stemwatch screen --plant {escape(str(file))}", soft_wrap=True)
 
 
 def inspection_remarks(inspection: Inspection) -> Iterator[str]:

@@ -87,6 +87,12 @@ def say_read_on(page: str) -> None:
     )
 
 
+def say_plant_written(file: Path) -> None:
+    """Say that a proposed plant file is written, and what comes next."""
+    out.print(f"\n{escape(str(file))} is written. Check the roles in it; then")
+    out.print(f"  stemwatch screen --plant {escape(str(file))}", soft_wrap=True)
+
+
 def say_result(text: str) -> None:
     """Print a line of the result to standard output."""
     out.print(escape(text), highlight=False)
