@@ -24,6 +24,7 @@ CALIBRATE_LATER = (
     "its own, correct it when the positioner is next calibrated"
 )
 
+MATERIAL_LAG_S = 0.7  # a slip that takes less is how good valves are
 # Seconds from the first movement to 63 % of a step that specifications allow the largest valves,
 # above DN 500 (EnTech 3.0, *memory*: T63 of 2.4 s less a dead time of 0.8 s; 0.4 s up to DN 150).
 # No recording says how large its valve is.

@@ -16,6 +16,7 @@ from stemwatch.models.first_order_lag import lag_by_direction
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._common import (
     LAG_AS_BUILT_S,
+    MATERIAL_LAG_S,
     SLOW_AS_BUILT,
     CommandTerm,
     about_value,
@@ -24,7 +25,6 @@ from stemwatch.models.mismatch.terms._common import (
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
-MATERIAL_S = 0.7  # as for the lag
 # Springs, seals and relays never fill and vent quite alike; below this ratio it is one lag.
 MATERIAL_RATIO = 1.5
 AT_ONCE_S = 0.1  # seconds; quicker than any recording shows
@@ -93,7 +93,9 @@ class AsymmetricLag(CommandTerm):
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """The slower side counts, and only where it is clearly the slower one."""
         fast, slow = sorted((float(values[0]), float(values[1])))
-        return slow >= max(MATERIAL_S, 0.7 * summary.interval_s) and slow >= MATERIAL_RATIO * fast
+        return (
+            slow >= max(MATERIAL_LAG_S, 0.7 * summary.interval_s) and slow >= MATERIAL_RATIO * fast
+        )
 
     def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """No slower than the largest valves are allowed to be."""

@@ -18,13 +18,12 @@ from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._common import (
     LAG_AS_BUILT_S,
+    MATERIAL_LAG_S,
     SLOW_AS_BUILT,
     OneNumberTerm,
     about_value,
 )
 from stemwatch.models.recording import Floats
-
-MATERIAL_S = 0.7  # a slip that takes less is how good valves are
 
 
 class ViscousDrag(OneNumberTerm):
@@ -85,7 +84,7 @@ class ViscousDrag(OneNumberTerm):
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """A slip that takes 0.2 s is not worth a work order."""
-        return bool(values[0] >= max(MATERIAL_S, 0.7 * summary.interval_s))
+        return bool(values[0] >= max(MATERIAL_LAG_S, 0.7 * summary.interval_s))
 
     def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """No slower than the largest valves are allowed to be."""
