@@ -15,6 +15,7 @@ from stemwatch.models.quality import Obstacle
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.screening_result import Residual
 from stemwatch.models.stickslip import parameters as coordinate
+from stemwatch.models.stickslip.change_of_stiction import ChangeOfStiction
 from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit
 from stemwatch.models.stickslip.speed_limits import shown_speed_limits
 from stemwatch.models.stickslip.stored_range import StoredRange
@@ -102,6 +103,7 @@ class DecisionEvidence:
     sampling: str = ""  # why the sampling is too slow to show how the stem moved, or empty
     swings: OwnSwing | None = None  # of the position alone, without its command
     steps: float = 0.0  # percent by which OP was stepped, where each of its steps moved the stem
+    changed: ChangeOfStiction | None = None  # S within the recording, in percent of OP
     leads_s: float = 0.0  # by which the position moves first, where it may be OP itself
 
 
@@ -392,6 +394,23 @@ def _hunts(swings: OwnSwing, unit_s: float) -> Decision:
     )
 
 
+def _matters(changed: ChangeOfStiction, limits: Limits) -> bool:
+    """Whether the verdict before the change is another one than after it."""
+    least, most = sorted((changed.before, changed.after))
+    return least < limits.sticky_S_percent and most >= limits.watch_S_percent
+
+
+def _another_valve_now(changed: ChangeOfStiction, unit_s: float) -> Decision:
+    """No verdict on a stem whose S changed at once: no one S is that of the whole recording."""
+    return _cannot_tell(
+        f"S changed: it is about {_percent(changed.before)} in the first "
+        f"{period(changed.at_s, unit_s)} and about {_percent(changed.after)} after that, as by a "
+        "repair or a packing that was tightened",
+        "Screen both parts of the recording by themselves; what holds now is the later one.",
+        numbers_hold=False,
+    )
+
+
 def _cannot_tell(reason: str, advice: str, *, numbers_hold: bool = True) -> Decision:
     return Decision(
         verdict=Verdict.UNDETERMINED,
@@ -411,6 +430,8 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
     a free run follows the part that was not fitted, or its residual has a named cause, and the
     position does not swing by itself.
     """
+    if evidence.changed is not None and _matters(evidence.changed, limits):
+        return _another_valve_now(evidence.changed, evidence.unit_s)
     unexplained = _unexplained(evidence, limits)
     if unexplained is not None:
         return _not_described(unexplained, evidence.sampling)

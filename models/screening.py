@@ -53,6 +53,7 @@ from stemwatch.models.record_facts import facts_without_verdict
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.stickslip import kernel
+from stemwatch.models.stickslip.change_of_stiction import ChangeOfStiction, change_of_stiction
 from stemwatch.models.stickslip.events import SlipEvents
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import (
@@ -103,6 +104,7 @@ class Options:
 
 DEFAULTS = Options()
 
+GROWING = "growing_stiction"
 PERHAPS_EXCHANGED = (
     "The position moves {} before OP, so that OP may be the position and the position OP: what S "
     "and J leave out is not asked."
@@ -532,6 +534,7 @@ def _with_verdict(
         unit_s=fitted.recording.unit_s,
         swings=_own_swing(fit, mismatch),
         steps=way_in_a_sample(fit.evaluator.problem) if fit.in_steps else 0.0,
+        changed=_changed(fitted, fit, mismatch),
         leads_s=fitted.late_s if fitted.perhaps_exchanged else 0.0,
     )
     judgement = decide(evidence, limits)
@@ -556,6 +559,19 @@ def _with_verdict(
         network=network.network if network is not None else None,
         traces=_traces(fitted, fit, network),
     )
+
+
+def _changed(
+    fitted: _Fitted, fit: StickSlipFit, mismatch: Mismatch | None
+) -> ChangeOfStiction | None:
+    """The change of S within what was fitted, percent of OP, where none that goes on was named."""
+    if mismatch is not None and any(one.slug == GROWING for one in mismatch.effects):
+        return None
+    changed = change_of_stiction(fit)
+    if changed is None or fitted.curve is None:
+        return changed
+    slope = abs(fitted.curve.slope)
+    return replace(changed, before=changed.before / slope, after=changed.after / slope)
 
 
 def _own_swing(fit: StickSlipFit, mismatch: Mismatch | None) -> OwnSwing | None:
