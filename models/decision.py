@@ -325,22 +325,19 @@ def _in_either_range(decision: Decision, evidence: DecisionEvidence) -> Decision
     stored = evidence.both_in or evidence.op_in
     assert stored is not None
     in_range, S = f"{stored.low:g} to {stored.high:g}", float(evidence.S.value or 0.0)
+    give = f"{stored.unit}, give low = {stored.low:g}, high = {stored.high:g}"
     if evidence.both_in is not None:
-        seen, which = f"OP and position both stay within {in_range}: if they are", "OP and position"
-        are, both = "are", "both"
+        seen = f"OP and position both stay within {in_range}: if they are"
+        ask = f"See whether OP and position are in percent. If they are in {give} for both"
     else:
         seen = f"OP stays within {in_range}, far from where the position is: if it is"
-        which, are, both = "OP", "is", "it"
+        ask = f"See whether OP is in percent. If it is in {give} for it"
     return replace(
         decision,
         reason=(
             f"{decision.reason} {seen} stored in {stored.unit}, S is {_percent(stored.times * S)}."
         ),
-        advice=(
-            f"See whether {which} {are} in percent. If {'they' if are == 'are' else 'it'} {are} in "
-            f"{stored.unit}, give low = {stored.low:g}, high = {stored.high:g} for {both} in the "
-            f"plant file, else low = 0, high = 100. {decision.advice}"
-        ),
+        advice=f"{ask} in the plant file, else low = 0, high = 100. {decision.advice}",
     )
 
 
