@@ -57,7 +57,10 @@ def test_limits_of_the_reader_are_kept_and_those_without_sense_said(
 ) -> None:
     """A decimal comma is a number; an amplitude of nothing is refused with what was expected."""
     limits = {"id": STICKY, **QUICK, "amplitude": "3,5", "op_now": "60"}
-    assert "between 56.5 and 63.5 %" in client.get("/valve/test-plan", params=limits).text
+    assert (
+        "between 56.5 and 63.5\N{NO-BREAK SPACE}%"
+        in client.get("/valve/test-plan", params=limits).text
+    )
     for field, text in (("amplitude", "0"), ("minutes", "soon"), ("pv_upset", "nan")):
         refused = client.get("/valve/test-plan", params={"id": STICKY, field: text})
         assert refused.status_code == 422
