@@ -397,10 +397,10 @@ def _matters(changed: ChangeOfStiction, limits: Limits) -> bool:
     return least < limits.sticky_S_percent and most >= limits.watch_S_percent
 
 
-def _another_valve_now(changed: ChangeOfStiction, unit_s: float) -> Decision:
+def _changed_within(changed: ChangeOfStiction, unit_s: float) -> Decision:
     """No verdict on a stem whose S changed at once: no one S is that of the whole recording."""
     return _cannot_tell(
-        f"S changed: it is about {_percent(changed.before)} in the first "
+        f"S changed: of what was fitted it is about {_percent(changed.before)} in the first "
         f"{period(changed.at_s, unit_s)} and about {_percent(changed.after)} after that, as by a "
         "repair or a packing that was tightened",
         "Screen both parts of the recording by themselves; what holds now is the later one.",
@@ -428,7 +428,7 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
     position does not swing by itself.
     """
     if evidence.changed is not None and _matters(evidence.changed, limits):
-        return _another_valve_now(evidence.changed, evidence.unit_s)
+        return _changed_within(evidence.changed, evidence.unit_s)
     unexplained = _unexplained(evidence, limits)
     if unexplained is not None:
         return _not_described(unexplained, evidence.sampling)
