@@ -29,7 +29,7 @@ OF_A_SCREENING = (Kernels.FITS, Kernels.MISMATCH)
 def compile_kernels(parts: Sequence[Kernels]) -> list[Kernels]:
     """Compile ``parts`` in this process, by using them once."""
     from stemwatch.models.mismatch.explain import explain
-    from stemwatch.models.screening import Case, Options, screen
+    from stemwatch.models.screening.screen import Case, Options, screen
     from stemwatch.models.studies.simulator import demo_plant, simulate_loop
     from stemwatch.models.without_position.features import evidence
 
@@ -61,7 +61,7 @@ def _run_a_loop(op: Floats) -> None:
 def _compare_units_and_rests() -> None:
     """Compile the kernels of a recording that is long enough for a slower unit of time, and of a
     position that rests."""
-    from stemwatch.models.stickslip.own_unit import samples_in_unit
+    from stemwatch.models.preparation.own_unit import samples_in_unit
     from stemwatch.models.stickslip.problem import make_problem
     from stemwatch.models.stickslip.rests import Rests
 

@@ -27,7 +27,7 @@ class Limits:
     max_interpolated_share: float = 0.35  # share of samples that a historian interpolated
     # A record of more than twice as many samples is fitted on this many, those with the most
     # movement: the cost grows with the samples, the precision hardly does (see
-    # ``models.fit_window``).
+    # ``models.preparation.fit_window``).
     fitted_samples: float = 3600.0
     min_fit_percent: float = 40.0  # held-out fit, below which S and J do not describe the valve
     # How much worse than in its baseline window a valve may follow its baseline network before it

@@ -12,19 +12,12 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.mismatch.open_question import OpenQuestion
 from stemwatch.models.narx.network import NarxNetwork
-from stemwatch.models.position_histograms import PositionHistograms
+from stemwatch.models.record_checks.quality import DataQuality
 from stemwatch.models.recording import Floats, Provenance, Recording, Role
+from stemwatch.models.signals.position_histograms import PositionHistograms
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.models.without_position.suspicion import WithoutPosition
-
-
-@dataclass(frozen=True, kw_only=True)
-class DataQuality:
-    """Grade of the recording's data, A (clean) to D (no verdict possible), with reasons."""
-
-    grade: str
-    reasons: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,11 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stemwatch.models.health_indicators.response_figures import OF_FIT
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.open_question import SLOW, OpenQuestion
 from stemwatch.models.mismatch.terms.bowed_linkage import TO_HEIGHT
-from stemwatch.models.own_clock import seconds_of
-from stemwatch.models.response_figures import OF_FIT
+from stemwatch.models.preparation.own_clock import seconds_of
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 

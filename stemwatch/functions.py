@@ -216,8 +216,8 @@ def screen(
         >>> found.S.low < 5 < found.S.high
         True
     """
-    from stemwatch.models.screening import Case, Options
-    from stemwatch.models.screening import screen as screen_cases
+    from stemwatch.models.screening.screen import Case, Options
+    from stemwatch.models.screening.screen import screen as screen_cases
 
     signals = {"op": op, "mv": mv, "pv": pv, "sp": sp, "mode": mode}
     inputs = checked_options(signals, valve, interval_s, zone, ranges, start, stop, file_options)

@@ -31,7 +31,7 @@ from stemwatch.service.run.plan import Request, make_plan
 from stemwatch.service.run.task import Task, case_of
 
 if TYPE_CHECKING:
-    from stemwatch.models.screening import Case
+    from stemwatch.models.screening.screen import Case
 
 SignalInput = str | npt.ArrayLike
 FilePath = str | os.PathLike[str]
@@ -220,7 +220,7 @@ def _one_or_reason(
 ) -> Recording | Screening:
     """The recording of an entry of a list or dict; a screening with the reason where it cannot be
     read."""
-    from stemwatch.models.screening import failed
+    from stemwatch.models.screening.screen import failed
 
     if isinstance(frame, Recording):
         return _renamed(frame, name)

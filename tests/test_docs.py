@@ -20,7 +20,7 @@ from stemwatch.connectors.historian.connector import TextExportSettings
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.narx.example import NarxSettings
-from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.cli import app
@@ -180,7 +180,7 @@ def test_every_reading_option_is_described(option: str) -> None:
 
 
 def test_every_indicator_that_the_code_can_make_is_described() -> None:
-    """Each name handed to an indicator in models/indicators.py stands in docs/indicators.md."""
+    """Each name handed to an indicator in the code stands in docs/indicators.md."""
     page = _page("indicators.md")
     patterns = _indicator_patterns()
     assert len(patterns) > 20
@@ -259,7 +259,7 @@ def _properties(schema: Any) -> Iterator[str]:
 
 def _indicator_patterns() -> list[str]:
     """Names given to ``_single_indicator``, ``_estimated``; what is filled in matches anything."""
-    tree = ast.parse((REPOSITORY / "models/indicators.py").read_text("utf-8"))
+    tree = ast.parse((REPOSITORY / "models/health_indicators/indicators.py").read_text("utf-8"))
     calls = (node for node in ast.walk(tree) if isinstance(node, ast.Call) and node.args)
     named = (c.args[0] for c in calls if ast.unparse(c.func) in ("_single_indicator", "_estimated"))
     patterns = []

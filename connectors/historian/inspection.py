@@ -13,8 +13,8 @@ from stemwatch.connectors.historian.times.epoch import instant_of
 from stemwatch.connectors.historian.times.source_clock import clock_facts, interval_ns
 from stemwatch.connectors.historian.times.timeline import Timeline
 from stemwatch.connectors.historian.values.columns import Column
-from stemwatch.models import forensics
 from stemwatch.models.recording import ClockFacts, Quality
+from stemwatch.models.signals import forensics
 
 if TYPE_CHECKING:
     from stemwatch.connectors.historian.opened_file import OpenedFile
@@ -123,7 +123,9 @@ def _own_step_s(column: Column) -> float | None:
 
 
 def _inspect(column: Column, candidate: Candidate) -> TagInspection:
-    from stemwatch.models.frozen import mostly_one_value  # loads numba; --help does not need it
+    from stemwatch.models.record_checks.frozen import (
+        mostly_one_value,  # loads numba; --help does not need it
+    )
 
     values = column.values
     finite = values[np.isfinite(values)]

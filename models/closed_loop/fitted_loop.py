@@ -19,8 +19,8 @@ from stemwatch.models.closed_loop import kernel
 from stemwatch.models.closed_loop.controller_law import ControllerLaw, controller_law
 from stemwatch.models.closed_loop.process_model import ProcessModel, process_model
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.holes import bridged, longest_stretch
 from stemwatch.models.recording import Floats, Recording, Role
+from stemwatch.models.signals.holes import bridged, longest_stretch
 
 FEWEST_SAMPLES = 300
 MOST_SAMPLES = 7200  # the last ones of a longer stretch

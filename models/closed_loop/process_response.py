@@ -15,8 +15,8 @@ import numpy as np
 from stemwatch.models.closed_loop import kernel
 from stemwatch.models.closed_loop.process_model import ProcessModel, process_model
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.holes import bridged, longest_stretch
 from stemwatch.models.recording import Floats, Recording, Role
+from stemwatch.models.signals.holes import bridged, longest_stretch
 
 BRIDGED = 20  # samples of a hole
 FEWEST_SAMPLES = 120

@@ -16,8 +16,8 @@ import numpy as np
 
 from stemwatch.models.closed_loop.fitted_loop import FittedLoop, FittedValve, Knocker, LoopRun
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.excitation import reversals, swing, travel
-from stemwatch.models.oscillation import oscillation
+from stemwatch.models.signals.excitation import reversals, swing, travel
+from stemwatch.models.signals.oscillation import oscillation
 
 DRAWS = 16
 FLOOR = {"travel_per_hour": 0.25, "turns_per_hour": 0.25, "period_s": 0.2}  # of what is recorded

@@ -15,15 +15,15 @@ from enum import StrEnum
 
 import numpy as np
 
-from stemwatch.models.excitation import swing
 from stemwatch.models.field_test.programme import RESOLUTION
 from stemwatch.models.field_test.rival_runs import RivalFit, RivalRuns
-from stemwatch.models.holes import bridged
 from stemwatch.models.mismatch.flow import as_position
 from stemwatch.models.mismatch.open_question import SLOW, OpenQuestion, RivalModel
-from stemwatch.models.own_clock import on_own_clock
-from stemwatch.models.percent import without_impossible_values
+from stemwatch.models.preparation.own_clock import on_own_clock
 from stemwatch.models.recording import PERCENT, Floats, Recording
+from stemwatch.models.signals.excitation import swing
+from stemwatch.models.signals.holes import bridged
+from stemwatch.models.signals.percent import without_impossible_values
 from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
 from stemwatch.models.stickslip.stored_range import in_percent
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stemwatch.models.forensics import repeat_share
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.batched_search import Search, conclude
 from stemwatch.models.mismatch.crossfit import (
@@ -25,6 +24,7 @@ from stemwatch.models.mismatch.crossfit import (
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, TermSet, make_evaluator
 from stemwatch.models.mismatch.term import RecordingSummary
 from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.signals.forensics import repeat_share
 from stemwatch.models.stickslip.fit import CANONICAL, COARSE_COMMAND, ONLY_WHEN_TURNING
 from stemwatch.models.stickslip.parameters import Bounds
 from stemwatch.models.stickslip.problem import FitProblem

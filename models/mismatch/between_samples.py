@@ -28,11 +28,11 @@ from enum import StrEnum
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.excitation import reversals
 from stemwatch.models.mismatch.compression import drawn_lines, held_reports
 from stemwatch.models.mismatch.findings import RecordEffect
-from stemwatch.models.own_clock import duration
+from stemwatch.models.preparation.own_clock import duration
 from stemwatch.models.recording import PERCENT, Floats, Recording
+from stemwatch.models.signals.excitation import reversals
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit
 from stemwatch.models.stickslip.problem import FitProblem

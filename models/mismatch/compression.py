@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.forensics import COARSE_PERCENT, quantum
 from stemwatch.models.recording import Bools, Floats
-from stemwatch.models.runs_of_samples import Runs, long_runs, runs_of
+from stemwatch.models.signals.forensics import COARSE_PERCENT, quantum
+from stemwatch.models.signals.runs_of_samples import Runs, long_runs, runs_of
 
 LEAST_SAMPLES = 60
 # Swinging-door compression drops most of a signal; in a measured signal hardly any three points lie

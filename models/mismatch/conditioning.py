@@ -11,11 +11,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.excitation import REST_SAMPLES, jumps_from_rest, reversals, swing
 from stemwatch.models.mismatch.residual_map import Facet
-from stemwatch.models.own_clock import between, duration, parts_of_time, rate
+from stemwatch.models.preparation.own_clock import between, duration, parts_of_time, rate
 from stemwatch.models.recording import Bools, Floats
-from stemwatch.models.runs_of_samples import runs_of
+from stemwatch.models.signals.excitation import REST_SAMPLES, jumps_from_rest, reversals, swing
+from stemwatch.models.signals.runs_of_samples import runs_of
 
 Codes = NDArray[np.int64]
 

@@ -24,7 +24,7 @@ from stemwatch.models.mismatch.locate import locate
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.uncertainty import estimate
-from stemwatch.models.own_clock import SpokenEstimate, estimate_in_seconds
+from stemwatch.models.preparation.own_clock import SpokenEstimate, estimate_in_seconds
 from stemwatch.models.recording import Floats, Recording, Role
 from stemwatch.models.stickslip.fit import Advantage
 

@@ -14,10 +14,10 @@ from types import MappingProxyType
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.excitation import jumps_from_rest, reversals, swing
 from stemwatch.models.mismatch.findings import NO_TOP_SPEED
 from stemwatch.models.mismatch.terms.bowed_linkage import shape as bowed
 from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.signals.excitation import jumps_from_rest, reversals, swing
 
 LEAST_TURN = 0.5  # percent of travel; noise turns by less
 MOST_SHIFT = 4.0  # times the dead time, up to which the correlation is tried

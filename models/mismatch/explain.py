@@ -14,7 +14,6 @@ from types import MappingProxyType
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.frozen import without_frozen
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import (
     chance,
@@ -83,9 +82,10 @@ from stemwatch.models.mismatch.tried_effects import scores_of, what_was_tried
 from stemwatch.models.mismatch.uncertainty import draws
 from stemwatch.models.mismatch.uneven_readings import UnevenReadings, find_uneven_readings
 from stemwatch.models.mismatch.vibration import find_vibration, vibration_effect, without_vibration
-from stemwatch.models.own_clock import duration, on_own_clock
-from stemwatch.models.percent import without_impossible_values
+from stemwatch.models.preparation.own_clock import duration, on_own_clock
+from stemwatch.models.record_checks.frozen import without_frozen
 from stemwatch.models.recording import PERCENT, Floats, Recording
+from stemwatch.models.signals.percent import without_impossible_values
 from stemwatch.models.stickslip.breakaways import LATE
 from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
 from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.fit_window import on_whole_clock
 from stemwatch.models.mismatch.open_question import OpenQuestion
+from stemwatch.models.preparation.fit_window import on_whole_clock
 from stemwatch.models.recording import PERCENT, Floats, Recording, Role
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 

@@ -16,8 +16,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.holes import held
 from stemwatch.models.recording import PERCENT, Floats, Quality, Recording, Role
+from stemwatch.models.signals.holes import held
 from stemwatch.models.stickslip import kernel
 
 BANDS = (0.0, 1.5, 3.0, 4.5, 6.0, 7.5, 9.0, 11.0, 14.0)  # percent

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.block_bootstrap import block_weights
 from stemwatch.models.recording import Floats
+from stemwatch.models.statistics.block_bootstrap import block_weights
 from stemwatch.models.stickslip.kernel import START
 from stemwatch.models.stickslip.problem import FitProblem
 

@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.block_bootstrap import COVERAGE, block_weights
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.base_fit import (
     AGAIN,
@@ -28,6 +27,7 @@ from stemwatch.models.mismatch.findings import FreeRuns, HeldOutFit
 from stemwatch.models.mismatch.starting_points import beginnings
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.statistics.block_bootstrap import COVERAGE, block_weights
 
 REPLICATES = 400
 FEWEST = 30  # samples, from which an error is given

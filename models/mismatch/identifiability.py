@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.excitation import Jumps, jumps_from_rest, reversals, swing
 from stemwatch.models.mismatch.conditioning import moving_stem, rests
-from stemwatch.models.own_clock import duration, is_of_seconds, long_time, rate
+from stemwatch.models.preparation.own_clock import duration, is_of_seconds, long_time, rate
 from stemwatch.models.recording import Bools, Floats
-from stemwatch.models.runs_of_samples import equal_runs, runs_of
+from stemwatch.models.signals.excitation import Jumps, jumps_from_rest, reversals, swing
+from stemwatch.models.signals.runs_of_samples import equal_runs, runs_of
 from stemwatch.models.words import only_times, share, times
 
 QUICK_S, OPENING_S, SLOW_S = 5.0, 10.0, 20.0  # windows of a quick move, an opening, a slow ramp

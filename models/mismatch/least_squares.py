@@ -18,8 +18,8 @@ from stemwatch.models.compiled import compiled
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.batched_search import Search
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, RunRequest, RunResults
-from stemwatch.models.positive_definite import solve
 from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.statistics.positive_definite import solve
 from stemwatch.models.stickslip.onsets import Samples
 from stemwatch.models.stickslip.search import SearchResult
 

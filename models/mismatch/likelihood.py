@@ -16,13 +16,13 @@ from functools import cached_property
 
 import numpy as np
 
-from stemwatch.models.forensics import position_step
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.breakaway_filter import GIVEN_UP, log_likelihoods
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.kernel import Record
 from stemwatch.models.mismatch.lane_rows import LANES
 from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.signals.forensics import position_step
 from stemwatch.models.stickslip.onsets import Samples
 
 COURSES = 12  # with 16 the likelihood is the same to a tenth

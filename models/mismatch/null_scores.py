@@ -19,7 +19,7 @@ from stemwatch.models.mismatch.record_effects import measured_record
 from stemwatch.models.mismatch.term_pairs import strongest_pair
 from stemwatch.models.mismatch.term_selection import TermScore, lacking, name_terms
 from stemwatch.models.mismatch.terms import catalogue
-from stemwatch.models.own_clock import on_own_clock
+from stemwatch.models.preparation.own_clock import on_own_clock
 from stemwatch.models.recording import Recording
 
 

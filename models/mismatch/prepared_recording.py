@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stemwatch.models.forensics import quiet_sigma
 from stemwatch.models.mismatch.base_fit import (
     BaseFit,
     fit_base,
@@ -26,6 +25,7 @@ from stemwatch.models.mismatch.record_effects import MeasuredRecord
 from stemwatch.models.mismatch.term import RecordingSummary, Term
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Floats, Recording
+from stemwatch.models.signals.forensics import quiet_sigma
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
 
 FEWEST_SAMPLES = 60

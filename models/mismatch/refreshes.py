@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.forensics import position_step
 from stemwatch.models.mismatch.breakaway_levels import DWELL
 from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
 from stemwatch.models.mismatch.reading_errors import STICKS_AGAIN
-from stemwatch.models.mismatch.record_effects import ON_TIME, refresh_period
-from stemwatch.models.own_clock import duration, off_own_clock, on_own_clock
+from stemwatch.models.preparation.own_clock import duration, off_own_clock, on_own_clock
 from stemwatch.models.recording import Floats, Recording
+from stemwatch.models.signals.forensics import position_step
+from stemwatch.models.signals.refresh_period import ON_TIME, refresh_period
 
 FEWEST = 80  # refreshes
 LEAST_MOVES = 12

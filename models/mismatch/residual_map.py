@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri, stdtr
 
-from stemwatch.models.block_bootstrap import block_weights
 from stemwatch.models.mismatch.findings import Cell
 from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.statistics.block_bootstrap import block_weights
 
 REPLICATES = 400
 _SEED = 40_021

@@ -10,13 +10,13 @@ from dataclasses import replace
 import numpy as np
 
 from stemwatch.models.closed_loop.process_response import process_response
-from stemwatch.models.forensics import noise_sigma
 from stemwatch.models.mismatch.acceptance_limits import NEAR, strength
 from stemwatch.models.mismatch.crossfit import Fitted
 from stemwatch.models.mismatch.evaluator import N_BASE, Evaluator
 from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
 from stemwatch.models.mismatch.term_selection import Named, TermScore
 from stemwatch.models.recording import Floats, Recording
+from stemwatch.models.signals.forensics import noise_sigma
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 
 MOST_RIVALS = 4

@@ -22,8 +22,8 @@ from stemwatch.models.mismatch.findings import Stiction
 from stemwatch.models.mismatch.force_balance import ForceBalance
 from stemwatch.models.mismatch.reading_errors import without_error
 from stemwatch.models.mismatch.uncertainty import estimate
-from stemwatch.models.op_in_steps import set_in_steps
 from stemwatch.models.recording import PERCENT, Floats
+from stemwatch.models.signals.op_in_steps import set_in_steps
 from stemwatch.models.stickslip.breakaways import LEAST_J, Breakaways, breakaways
 from stemwatch.models.stickslip.interval import (
     REPLICATES,

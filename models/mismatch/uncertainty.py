@@ -1,4 +1,4 @@
-"""Intervals of all parameters by the block bootstrap (``models.block_bootstrap``).
+"""Intervals of all parameters by the block bootstrap (``models.statistics.block_bootstrap``).
 
 As for S and J alone (``stickslip.interval``), but the blocks are drawn once and the candidates of
 all rounds are kept, because a run costs more here.
@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from stemwatch.models.block_bootstrap import COVERAGE, block_weights, cheapest
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.recording import Floats
+from stemwatch.models.statistics.block_bootstrap import COVERAGE, block_weights, cheapest
 
 REPLICATES = 240
 CLOUD = 160

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stemwatch.models.mismatch.findings import RecordEffect
-from stemwatch.models.own_clock import duration
+from stemwatch.models.preparation.own_clock import duration
 from stemwatch.models.recording import Bools, Floats, Recording, Role
 
 SLUG = "vibration"

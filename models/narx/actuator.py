@@ -11,9 +11,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.compiled import compiled
-from stemwatch.models.holes import held
 from stemwatch.models.narx.architecture import ACTUATOR
 from stemwatch.models.recording import Floats
+from stemwatch.models.signals.holes import held
 
 _LEAST_LAG = 1e-3  # of the interval
 _LEAST_SLOWNESS = 1e-3  # of the interval for a percent: a thousand percent a sample is no limit

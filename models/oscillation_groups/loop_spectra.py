@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.holes import bridged
-from stemwatch.models.oscillation import half_periods
 from stemwatch.models.recording import Floats
+from stemwatch.models.signals.holes import bridged
+from stemwatch.models.signals.oscillation import half_periods
 
 Complexes = NDArray[np.complex128]
 

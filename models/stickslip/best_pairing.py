@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stemwatch.models.cross_correlation import lagged_products
-from stemwatch.models.first_order_lag import first_order_lag
 from stemwatch.models.recording import Floats, Recording, Role
+from stemwatch.models.signals.first_order_lag import first_order_lag
+from stemwatch.models.statistics.cross_correlation import lagged_products
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.events import events_of
 from stemwatch.models.stickslip.fit import FirstLook, StickSlipEvaluator, actuator_grid

@@ -28,8 +28,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stemwatch.models.compiled import compiled
-from stemwatch.models.forensics import position_step
 from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.signals.forensics import position_step
 from stemwatch.models.stickslip.onsets import Samples, least_departure, onsets
 from stemwatch.models.stickslip.problem import FitProblem
 from stemwatch.models.stickslip.stroke_curve import USED, shapes_of

@@ -26,8 +26,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.forensics import repeat_share
 from stemwatch.models.recording import Bools, Floats, Quality, Recording, Role
+from stemwatch.models.signals.forensics import repeat_share
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.fit import (
     Advantage,

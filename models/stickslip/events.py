@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stemwatch.models.excitation import jumps_from_rest, travel
 from stemwatch.models.recording import Floats
+from stemwatch.models.signals.excitation import jumps_from_rest, travel
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.problem import FitProblem
 

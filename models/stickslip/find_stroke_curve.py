@@ -19,9 +19,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stemwatch.models.forensics import noise_sigma
 from stemwatch.models.recording import Bools, Floats, Recording, kept
-from stemwatch.models.signal_pairing import correlation
+from stemwatch.models.signals.forensics import noise_sigma
+from stemwatch.models.signals.signal_pairing import correlation
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.breakaways import LEAST_J, Breakaways, seen_breakaways
 from stemwatch.models.stickslip.fit import (

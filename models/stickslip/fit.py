@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stemwatch.models.forensics import repeat_share
-from stemwatch.models.op_in_steps import set_in_steps
 from stemwatch.models.recording import Bools, Floats, Recording
+from stemwatch.models.signals.forensics import repeat_share
+from stemwatch.models.signals.op_in_steps import set_in_steps
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.breakaways import (
     LEAST_J,

@@ -1,5 +1,5 @@
 """Intervals of S and J: from the breakaways where there are enough, else by the block bootstrap
-(``models.block_bootstrap``), which never refits.
+(``models.statistics.block_bootstrap``), which never refits.
 
 The cloud of candidates around the optimum is drawn anew a few times, each time where the draws
 before it ended. Blocks are long against a slip, so autocorrelated residuals do not make the
@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
-from stemwatch.models.block_bootstrap import COVERAGE, block_weights, cheapest
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.excitation import reversals
 from stemwatch.models.recording import Floats
+from stemwatch.models.signals.excitation import reversals
+from stemwatch.models.statistics.block_bootstrap import COVERAGE, block_weights, cheapest
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.breakaways import LEAST_J
 from stemwatch.models.stickslip.fit import BOTH, STICKING, StickSlipFit

@@ -20,9 +20,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stemwatch.models.forensics import COARSE_PERCENT, quantum
-from stemwatch.models.op_in_steps import op_is_set_in_steps
 from stemwatch.models.recording import Bools, Floats, Recording, Role
+from stemwatch.models.signals.forensics import COARSE_PERCENT, quantum
+from stemwatch.models.signals.op_in_steps import op_is_set_in_steps
 from stemwatch.models.stickslip.fit import FirstLook, advantage, sticking_grid
 
 MOVES_OVER = 10  # samples: the law is fitted to moves, which are large against a step

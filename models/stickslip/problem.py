@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.forensics import noise_sigma, quantum
-from stemwatch.models.holes import held
 from stemwatch.models.recording import Bools, Floats, Recording
+from stemwatch.models.signals.forensics import noise_sigma, quantum
+from stemwatch.models.signals.holes import held
 from stemwatch.models.stickslip import kernel
 
 # A block of time is long against a slip and short against a record, so that neighbours are nearly

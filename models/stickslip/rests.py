@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stemwatch.models.compiled import compiled
-from stemwatch.models.forensics import noise_sigma
 from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.signals.forensics import noise_sigma
 from stemwatch.models.stickslip.problem import FitProblem
 
 BAND = (2.0, 98.0)  # percentiles of MV - OP

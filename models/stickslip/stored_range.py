@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stemwatch.models.excitation import swing
-from stemwatch.models.percent import not_percent, without_impossible_values
 from stemwatch.models.recording import PERCENT, Recording, Role, Signal
-from stemwatch.models.signal_pairing import correlation, delayed_correlation
+from stemwatch.models.signals.excitation import swing
+from stemwatch.models.signals.percent import not_percent, without_impossible_values
+from stemwatch.models.signals.signal_pairing import correlation, delayed_correlation
 from stemwatch.models.stickslip.find_stroke_curve import (
     PLAIN_SLOPE,
     curve_suspected,

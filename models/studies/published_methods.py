@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stemwatch.models.cross_correlation import lagged_products
-from stemwatch.models.oscillation import oscillation
 from stemwatch.models.recording import Floats
+from stemwatch.models.signals.oscillation import oscillation
+from stemwatch.models.statistics.cross_correlation import lagged_products
 from stemwatch.models.without_position.wave_shapes import banded, triangle_beside_sine
 
 NOT_OSCILLATING = "the loop does not oscillate regularly"

@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stemwatch.models.compiled import compiled
-from stemwatch.models.positive_definite import solve
 from stemwatch.models.recording import Floats
+from stemwatch.models.statistics.positive_definite import solve
 
 FOLDS = 6
 PAST = 3  # past values of each signal in a model

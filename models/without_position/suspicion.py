@@ -15,8 +15,8 @@ import numpy as np
 from scipy.special import ndtr
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.holes import bridged, longest_stretch
 from stemwatch.models.recording import PERCENT, Floats, Recording, Role, Signal
+from stemwatch.models.signals.holes import bridged, longest_stretch
 from stemwatch.models.without_position import trained_weights
 from stemwatch.models.without_position.features import (
     NAMES,

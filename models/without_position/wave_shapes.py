@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from stemwatch.models.compiled import compiled
-from stemwatch.models.cross_correlation import lagged_products
 from stemwatch.models.recording import Floats
+from stemwatch.models.statistics.cross_correlation import lagged_products
 
 NAMES = ("triangle beside sine, OP", "oddness of the correlation", "regularity of OP")
 

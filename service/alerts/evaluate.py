@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from zoneinfo import ZoneInfo
 
-from stemwatch.models.evidence_over_windows import FRICTION_GONE
+from stemwatch.models.history.evidence_over_windows import FRICTION_GONE
 from stemwatch.service.alerts.after_maintenance import WRITER, note_fall, note_result_of_work
 from stemwatch.service.alerts.one_per_cause import faded, one_per_cause, with_earlier_cause
 from stemwatch.service.alerts.rules import RATIO, ValveRecord, apply_rules

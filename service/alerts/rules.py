@@ -14,7 +14,7 @@ from datetime import UTC, datetime, tzinfo
 from enum import Enum
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.evidence_over_windows import OF_FRICTION, LastingFinding
+from stemwatch.models.history.evidence_over_windows import OF_FRICTION, LastingFinding
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.models.without_position.suspicion import Suspicion
 from stemwatch.service.alerts.when_over import begins, is_over, may_still_stick

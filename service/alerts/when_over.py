@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import UTC, datetime, time, timedelta
 
-from stemwatch.models.evidence_over_windows import MEMORY, windows_to_be_gone
+from stemwatch.models.history.evidence_over_windows import MEMORY, windows_to_be_gone
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.unexplained_fall import UnexplainedFall
 from stemwatch.service.store.screenings.records import JudgedScreening

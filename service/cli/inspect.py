@@ -194,8 +194,8 @@ def _curves_in(source: HistorianFile) -> dict[str, str]:
     if not measured:
         return {}
     from stemwatch.models.limits import Limits
-    from stemwatch.models.own_clock import on_own_clock  # with what is compiled
-    from stemwatch.models.quality import assess
+    from stemwatch.models.preparation.own_clock import on_own_clock  # with what is compiled
+    from stemwatch.models.record_checks.quality import assess
     from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
 
     curves = {}

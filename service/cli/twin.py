@@ -138,7 +138,7 @@ def _request(id_or_file: str, given: RecordingOptions) -> Request:
 
 
 def _screened(request: Request) -> tuple[Recording, Screening]:
-    from stemwatch.models.screening import Case, Options, screen
+    from stemwatch.models.screening.screen import Case, Options, screen
     from stemwatch.service.cli.reading import say_reading_remarks
     from stemwatch.service.explain.requested_recordings import recordings_to_explain
     from stemwatch.service.run.task import recording_of

@@ -13,11 +13,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from stemwatch.connectors.connector import ConnectorError
-from stemwatch.models.decision import MORE
+from stemwatch.models.decision.decide import MORE
 from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
+from stemwatch.models.record_checks.validity_checks import SUMS_OP
 from stemwatch.models.recording import Recording
-from stemwatch.models.validity_checks import SUMS_OP
 from stemwatch.service.explain.requested_recordings import RecordingToExplain
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.wording import signals_read
@@ -88,11 +88,11 @@ def explain_recording(
 ) -> Explained:
     """The explanation of a recording that was read; never raises for what it holds.
 
-    A long one is explained as several windows (``models.explained_windows``), each of as many
-    samples as a screening fits. ``known_curve`` is how OP strokes the valve, where the plant file
-    says it.
+    A long one is explained as several windows (``models.history.explained_windows``), each of as
+    many samples as a screening fits. ``known_curve`` is how OP strokes the valve, where the plant
+    file says it.
     """
-    from stemwatch.models.loop_pace import at_loop_pace
+    from stemwatch.models.preparation.loop_pace import at_loop_pace
     from stemwatch.models.stickslip.stored_range import in_percent
 
     by_window, limits = None, limits or Limits()
@@ -127,7 +127,7 @@ def _explained(
 ) -> tuple[Mismatch, EvidenceOfWeeks | None]:
     """The mismatch of a recording, resampled to the pace of its loop, and for a long recording what
     its windows say together. S and J are always those of the verdict."""
-    from stemwatch.models.explained_windows import explain_windows
+    from stemwatch.models.history.explained_windows import explain_windows
 
     samples = round(limits.fitted_samples)
     uncut = replace(limits, fitted_samples=float(max(len(recording), samples)))
@@ -189,7 +189,7 @@ def _mismatch(
 def _screened(
     recording: Recording, narx: bool, limits: Limits, known_curve: KnownCurve | None
 ) -> Screening:
-    from stemwatch.models.screening import Case, Options, screen
+    from stemwatch.models.screening.screen import Case, Options, screen
 
     case = Case(recording=recording, known_curve=known_curve)
     (screening,) = screen([case], Options(limits=limits, narx=narx))

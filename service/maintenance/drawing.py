@@ -16,7 +16,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from stemwatch.models.recording import Floats
-from stemwatch.models.runs_of_samples import runs_of
+from stemwatch.models.signals.runs_of_samples import runs_of
 from stemwatch.service.presenter.wording import printable
 from stemwatch.service.report.charts.axes import ticks
 

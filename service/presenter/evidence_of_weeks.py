@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, date, datetime, tzinfo
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.evidence_over_windows import (
+from stemwatch.models.history.evidence_over_windows import (
     MEMORY,
     FindingState,
     LastingFinding,

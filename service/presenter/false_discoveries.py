@@ -2,7 +2,8 @@
 it.
 
 Among many valves, chance alone names effects on a few. Of the effects that stand, at most a share
-of ``LEVEL`` is expected to be due to chance (``models.false_discovery``); the others are held back.
+of ``LEVEL`` is expected to be due to chance (``models.statistics.false_discovery``); the others are
+held back.
 
 Where a valve has a history, all its windows decide and not the newest alone: the p value of what
 they confirm enters the run, whether or not the newest window names it, and an effect that only the
@@ -15,8 +16,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeGuard
 
-from stemwatch.models.false_discovery import LEVEL, significant
 from stemwatch.models.mismatch.findings import Finding, Mismatch
+from stemwatch.models.statistics.false_discovery import LEVEL, significant
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.wording import valves_counted
 

@@ -13,7 +13,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldTest
 from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
-from stemwatch.models.own_clock import duration, rate
+from stemwatch.models.preparation.own_clock import duration, rate
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.advice import advice_for, effect_test, term_words

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.response_figures import (
+from stemwatch.models.health_indicators.response_figures import (
     ResponseFigures,
     StepFigures,
     response_figures,

@@ -12,9 +12,9 @@ import numpy as np
 from scipy.special import stdtrit
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.fall_of_stiction import history_since_fall
+from stemwatch.models.history.fall_of_stiction import history_since_fall
+from stemwatch.models.history.wear_forecast import WearForecast, forecast_wear
 from stemwatch.models.recording import PERCENT
-from stemwatch.models.wear_forecast import WearForecast, forecast_wear
 
 WEEKS = 12  # of history that enter the trend
 DAYS_A_MONTH = 365.25 / 12.0

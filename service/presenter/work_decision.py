@@ -18,8 +18,8 @@ from enum import StrEnum
 
 from stemwatch.models.mismatch.findings import Effect, Finding
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
+from stemwatch.models.record_checks.validity_checks import SUMS_OP
 from stemwatch.models.screening_result import PreviousFinding, Screening
-from stemwatch.models.validity_checks import SUMS_OP
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
 from stemwatch.service.presenter.oscillation_words import is_moved_by_another

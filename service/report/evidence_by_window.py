@@ -10,7 +10,7 @@ from datetime import tzinfo
 
 from markupsafe import Markup, escape
 
-from stemwatch.models.evidence_over_windows import LastingFinding, WindowEvidence
+from stemwatch.models.history.evidence_over_windows import LastingFinding, WindowEvidence
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.physics_words import effect_name
 from stemwatch.service.presenter.wording import printable

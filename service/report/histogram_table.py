@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from stemwatch.models.position_histograms import EDGES, STROKE_EDGES, PositionHistograms
+from stemwatch.models.signals.position_histograms import EDGES, STROKE_EDGES, PositionHistograms
 from stemwatch.service.presenter.wording import figure
 
 

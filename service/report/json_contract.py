@@ -12,7 +12,12 @@ from datetime import UTC, datetime, tzinfo
 from typing import Any
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.evidence_over_windows import LastingFinding
+from stemwatch.models.health_indicators.response_figures import (
+    ResponseFigures,
+    StepFigures,
+    response_figures,
+)
+from stemwatch.models.history.evidence_over_windows import LastingFinding
 from stemwatch.models.mismatch.findings import (
     Effect,
     Gain,
@@ -24,9 +29,8 @@ from stemwatch.models.mismatch.findings import (
     TriedEffect,
 )
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
-from stemwatch.models.position_histograms import EDGES, STROKE_EDGES, PositionHistograms
-from stemwatch.models.response_figures import ResponseFigures, StepFigures, response_figures
 from stemwatch.models.screening_result import Indicator, Residual, Screening
+from stemwatch.models.signals.position_histograms import EDGES, STROKE_EDGES, PositionHistograms
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.without_position.suspicion import WithoutPosition
 from stemwatch.service.presenter.cost_of_sticking import CostOfSticking, cost_of_sticking

@@ -9,9 +9,9 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from stemwatch.models.false_discovery import significant
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup, plant_groups
 from stemwatch.models.screening_result import Screening
+from stemwatch.models.statistics.false_discovery import significant
 from stemwatch.service.alerts.digest import queue_messages
 from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.maintenance import write_maintenance

@@ -30,7 +30,7 @@ from stemwatch.service.store import DatabaseUrl, StoreError
 from stemwatch.service.store.screenings.records import EarlierAnswer, EarlierCurve
 
 if TYPE_CHECKING:  # numba comes with the fits, plots with the report: both are imported late
-    from stemwatch.models.screening import Case
+    from stemwatch.models.screening.screen import Case
     from stemwatch.service.report.charts.valve_plots import ValvePlots
     from stemwatch.service.store.store import Store
 
@@ -200,7 +200,7 @@ def screen_tasks(
 
     The ``networks`` of these tasks are trained together.
     """
-    from stemwatch.models.screening import Options, screen
+    from stemwatch.models.screening.screen import Options, screen
 
     results: list[Screening | None] = []
     cases: list[Case] = []
@@ -230,7 +230,7 @@ def _with_earlier_answers(screening: Screening, task: Task) -> Screening:
 
 def given_up(task: Task, reason: str) -> Screening:
     """The screening of a task whose worker hung, died or raised an error."""
-    from stemwatch.models.screening import failed
+    from stemwatch.models.screening.screen import failed
 
     advice = (
         "Screen this valve alone: a shorter window or a larger valve_timeout_s may do. The other "
@@ -243,7 +243,7 @@ def given_up(task: Task, reason: str) -> Screening:
 def case_of(task: Task) -> Case | Screening:
     """The recording of a task and its valve's baseline as a ``Case``; where the recording cannot be
     read, a ``Screening`` with the reason."""
-    from stemwatch.models.screening import Case
+    from stemwatch.models.screening.screen import Case
 
     if task.reason:
         return replace(_unread(task, task.reason), still_seen=task.file_remarks)
@@ -290,7 +290,7 @@ def known_curve(task: Task, recording: Recording) -> KnownCurve | None:
 
 
 def _unread(task: Task, reason: str) -> Screening:
-    from stemwatch.models.screening import failed
+    from stemwatch.models.screening.screen import failed
 
     advice = "Run `stemwatch inspect` on the file: it shows what was understood of it."
     if task.archive is not None:

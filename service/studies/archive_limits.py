@@ -28,7 +28,7 @@ from stemwatch.models.mismatch.between_samples import (
     against_fit,
     even_archive,
 )
-from stemwatch.models.own_clock import on_own_clock
+from stemwatch.models.preparation.own_clock import on_own_clock
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.stickslip import clock_shift
 from stemwatch.models.stickslip import parameters as coordinate

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stemwatch.models.first_order_lag import first_order_lag
 from stemwatch.models.recording import Floats, Quality, Recording, Role, Signal
-from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.models.screening_result import Screening
+from stemwatch.models.signals.first_order_lag import first_order_lag
 from stemwatch.models.studies.simulator import (
     PlantLoop,
     draw_healthy,

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.stats import binom
 
 from stemwatch.models.recording import Floats, Recording, Role, Signal
-from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.models.studies.simulator.defects import PackingDefects

@@ -10,7 +10,7 @@ import numpy as np
 
 from stemwatch.models.estimate import NORMAL_95
 from stemwatch.models.narx.example import NarxSettings
-from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.studies.simulator import (
     PlantLoop,

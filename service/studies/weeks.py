@@ -2,7 +2,7 @@
 simulated valves.
 
 Valves with nothing hidden over daily windows of a month, and valves with each effect of the
-catalogue over some windows, through ``explain`` and ``models.evidence_over_windows``.
+catalogue over some windows, through ``explain`` and ``models.history.evidence_over_windows``.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.evidence_over_windows import (
+from stemwatch.models.history.evidence_over_windows import (
     WindowEvidence,
     lasting_findings,
     pooled_stiction,

@@ -20,7 +20,7 @@ from stemwatch.models.closed_loop.what_if import (
 )
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Role
-from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.models.studies.simulator.draws import draw_sticky
 from stemwatch.models.studies.simulator.loop import PlantLoop
 from stemwatch.models.studies.simulator.simulate import simulate_loop

@@ -12,11 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stemwatch.models import pv_answers, signal_pairing, validity_checks, wiring_checks
-from stemwatch.models.excitation import swing
-from stemwatch.models.own_clock import on_own_clock
+from stemwatch.models.preparation.own_clock import on_own_clock
+from stemwatch.models.record_checks import pv_answers, validity_checks, wiring_checks
+from stemwatch.models.record_checks.validity_checks import related
+from stemwatch.models.record_checks.wiring_checks import WiringEvidence
 from stemwatch.models.recording import Floats, Recording, Role, Signal
-from stemwatch.models.signal_pairing import (
+from stemwatch.models.signals import signal_pairing
+from stemwatch.models.signals.excitation import swing
+from stemwatch.models.signals.signal_pairing import (
     copied_share,
     lag_one_correlation,
     moved_without_command,
@@ -28,8 +31,6 @@ from stemwatch.models.stickslip.clock_shift import brought_forward, late_evidenc
 from stemwatch.models.stickslip.stored_range import fitting_ranges, in_percent
 from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.models.studies.simulator.hidden import draw_hidden
-from stemwatch.models.validity_checks import related
-from stemwatch.models.wiring_checks import WiringEvidence
 from stemwatch.service.executors import Executor, map_items
 from stemwatch.service.studies.limit_beside_nulls import JointCondition, Limit, Tested
 from stemwatch.service.studies.miswiring import (

@@ -64,7 +64,7 @@ from stemwatch.models.mismatch.sticking_by_likelihood import HARDER
 from stemwatch.models.mismatch.term import ActsOn, Term
 from stemwatch.models.mismatch.term_selection import neutral
 from stemwatch.models.mismatch.terms import catalogue
-from stemwatch.models.own_clock import on_own_clock
+from stemwatch.models.preparation.own_clock import on_own_clock
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_hidden, simulate_hidden
 from stemwatch.models.studies.simulator.hidden.catalogue import RECORD

@@ -52,7 +52,7 @@ from stemwatch.models.mismatch.reading_errors import COORDINATES, pinned
 from stemwatch.models.mismatch.record_effects import measured_record
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.terms import catalogue
-from stemwatch.models.own_clock import on_own_clock
+from stemwatch.models.preparation.own_clock import on_own_clock
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_hidden, simulate_hidden
 from tests.benchmarks.bench_ceiling import (

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.explained_windows import explain_windows
+from stemwatch.models.history.explained_windows import explain_windows
 from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Mismatch

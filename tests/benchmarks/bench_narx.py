@@ -32,13 +32,13 @@ import torch
 from rich.console import Console
 from rich.table import Table
 
+from stemwatch.models.decision.residual import of_stiction
 from stemwatch.models.limits import Limits
 from stemwatch.models.narx.example import NarxExample, NarxSettings
 from stemwatch.models.narx.training import train
-from stemwatch.models.quality import assess
+from stemwatch.models.record_checks.quality import assess
 from stemwatch.models.recording import Floats
-from stemwatch.models.residual import of_stiction
-from stemwatch.models.screening import network_start
+from stemwatch.models.screening.screen import network_start
 from stemwatch.models.stickslip.fit import fit_stickslip
 from stemwatch.models.studies.simulator import draw_healthy, draw_sticky, simulate_loop
 from stemwatch.models.studies.simulator.loop import ManualSpan, PlantLoop

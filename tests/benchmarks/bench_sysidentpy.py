@@ -30,7 +30,7 @@ import torch
 from stemwatch.models.narx.example import NarxExample
 from stemwatch.models.narx.training import train
 from stemwatch.models.recording import Floats, Recording
-from stemwatch.models.screening import Case, screen
+from stemwatch.models.screening.screen import Case, screen
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.studies.simulator import draw_healthy, draw_sticky, simulate_loop
 

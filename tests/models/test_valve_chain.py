@@ -10,8 +10,8 @@ from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.screening_result import Indicator
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.valve_chain import CHAIN_PARAMETERS, ValveChain, valve_chain
+from tests.models.health_indicators.test_response_figures import effect, judged, percent
 from tests.models.mismatch.test_terms import LOOK
-from tests.models.test_response_figures import effect, judged, percent
 
 QUESTION = OpenQuestion(unit_s=30.0, interval=1.0, op=62.0, duration=120.0)
 BASE = (4.0, 0.5, 0.3, 0.01, 0.4, 0.02)

@@ -16,7 +16,7 @@ import pytest
 from stemwatch.service.config import load_plant
 from stemwatch.service.run.plan import Request, make_plan
 from tests.connectors.pi.loopback_server import ARCHIVE, Served, serving
-from tests.models.test_stroke_curve import stored
+from tests.models.stickslip.test_stroke_curve import stored
 
 
 def proposal(text: str) -> str:

@@ -15,7 +15,7 @@ from stemwatch.models.field_test.plan import plan_test
 from stemwatch.models.field_test.programme import TestLimits
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.recording import Recording, Role, Signal
-from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.service.cli import app
 from stemwatch.service.store.store import open_store
 from tests.models.field_test.simulated_test import BEGAN, simulated_test

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.recording import Recording, Role, Signal
-from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.service.cli import app
 from stemwatch.service.store.store import open_store
 from tests.service.example_mismatches import of_every_kind

@@ -19,7 +19,7 @@ COMPILED = """
 import gc
 from dataclasses import replace
 from numba.core.registry import CPUDispatcher
-from stemwatch.models.screening import Case, screen
+from stemwatch.models.screening.screen import Case, screen
 from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
 from stemwatch.models.compile_kernels import Kernels, compile_kernels
 

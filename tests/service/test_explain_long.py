@@ -15,7 +15,7 @@ from rich.console import Console
 from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.recording import Recording
-from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.models.studies.simulator.loop import PlantLoop, Transmitters
 from stemwatch.models.studies.simulator.simulate import simulate_loop
 from stemwatch.models.studies.simulator.valve import Actuator, SimulatedValve

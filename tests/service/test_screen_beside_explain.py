@@ -10,7 +10,7 @@ from rich.console import Console
 
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Recording
-from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls
 from stemwatch.models.studies.simulator.loop import PlantLoop

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from stemwatch.connectors.historian.times.time_fields import Ints
-from stemwatch.models import forensics
 from stemwatch.models.recording import Bools, Floats
-from stemwatch.models.runs_of_samples import runs_of
+from stemwatch.models.signals import forensics
+from stemwatch.models.signals.runs_of_samples import runs_of
 
 # Below this a 32-bit float is denormal: an integer read as a float, not a measurement.
 SMALLEST_REAL = 1e-37

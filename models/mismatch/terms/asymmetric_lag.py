@@ -12,7 +12,6 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import SLOW_POSITIONER, FieldAdvice, FieldTest, check_steps
-from stemwatch.models.first_order_lag import lag_by_direction
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._common import (
     LAG_AS_BUILT_S,
@@ -23,6 +22,7 @@ from stemwatch.models.mismatch.terms._common import (
     number,
 )
 from stemwatch.models.recording import Floats
+from stemwatch.models.signals.first_order_lag import lag_by_direction
 from stemwatch.models.stickslip.kernel import Marks
 
 # Springs, seals and relays never fill and vent quite alike; below this ratio it is one lag.

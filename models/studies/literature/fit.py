@@ -10,9 +10,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.block_bootstrap import COVERAGE, block_weights, cheapest
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Bools, Floats, Recording
+from stemwatch.models.statistics.block_bootstrap import COVERAGE, block_weights, cheapest
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
 from stemwatch.models.studies.literature.model import ValveModel

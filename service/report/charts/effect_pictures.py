@@ -15,7 +15,6 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.excitation import reversals, swing
 from stemwatch.models.mismatch.effect_signature import (
     EffectSignature,
     Moves,
@@ -23,8 +22,9 @@ from stemwatch.models.mismatch.effect_signature import (
     later,
 )
 from stemwatch.models.mismatch.findings import Effect, FreeRuns, Mismatch, Stiction
-from stemwatch.models.own_clock import duration
+from stemwatch.models.preparation.own_clock import duration
 from stemwatch.models.recording import Floats, Recording
+from stemwatch.models.signals.excitation import reversals, swing
 from stemwatch.models.stickslip.stroke_curve import in_travel
 from stemwatch.service.presenter.physics_words import effect_name
 from stemwatch.service.presenter.wording import figure, finite, span_percent

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.excitation import reversals
 from stemwatch.models.recording import Floats
 from stemwatch.models.screening_result import Screening
+from stemwatch.models.signals.excitation import reversals
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.service.presenter.wording import finite
 

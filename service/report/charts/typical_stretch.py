@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.excitation import ranges, reversals, swing
 from stemwatch.models.recording import Bools, Floats, Recording
 from stemwatch.models.screening_result import Screening
+from stemwatch.models.signals.excitation import ranges, reversals, swing
 from stemwatch.service.presenter.wording import figure
 
 # Eight reversals are four cycles: enough to see that they repeat, few enough to see each slip.

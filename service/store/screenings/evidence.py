@@ -9,7 +9,7 @@ from datetime import datetime, timedelta
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from stemwatch.models.evidence_over_windows import WindowEvidence
+from stemwatch.models.history.evidence_over_windows import WindowEvidence
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.service.store.screenings.evidence_json import evidence_of
 from stemwatch.service.store.screenings.tables import MaintenanceRow, ScreeningRow

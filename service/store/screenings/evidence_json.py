@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import Any
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.evidence_over_windows import WindowEvidence
+from stemwatch.models.history.evidence_over_windows import WindowEvidence
 from stemwatch.models.mismatch.findings import EffectScore
 from stemwatch.models.recording import PERCENT
 from stemwatch.models.screening_result import Screening

@@ -10,12 +10,13 @@ from enum import StrEnum
 from typing import Protocol
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.indicator_meanings import meaning_of
+from stemwatch.models.health_indicators.indicator_meanings import meaning_of
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.mismatch.open_question import OpenQuestion
-from stemwatch.models.position_histograms import PositionHistograms
+from stemwatch.models.record_checks.quality import DataQuality
 from stemwatch.models.recording import Provenance
-from stemwatch.models.screening_result import DataQuality, Indicator, Residual
+from stemwatch.models.screening_result import Indicator, Residual
+from stemwatch.models.signals.position_histograms import PositionHistograms
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.models.without_position.suspicion import WithoutPosition

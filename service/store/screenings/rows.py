@@ -9,9 +9,10 @@ from datetime import UTC, datetime
 from typing import Any
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.position_histograms import PositionHistograms
+from stemwatch.models.record_checks.quality import DataQuality
 from stemwatch.models.recording import PERCENT, Provenance
-from stemwatch.models.screening_result import DataQuality, Residual, Screening
+from stemwatch.models.screening_result import Residual, Screening
+from stemwatch.models.signals.position_histograms import PositionHistograms
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
 from stemwatch.service.store.screenings.evidence_json import evidence_json

@@ -102,7 +102,7 @@ def stemwatch(
 
 
 def _screened(case: PublicCase) -> list[tuple[str, CaseAnswer]]:
-    from stemwatch.models.screening import Case, Options, screen
+    from stemwatch.models.screening.screen import Case, Options, screen
 
     (screening,) = screen([Case(recording=recording_of(case))], Options(narx=False))
     answer = _with_position(screening) if case.position else _without_position(screening)

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.between_samples import Archive, ArchiveKind, as_sampled, find_archive
-from stemwatch.models.own_clock import on_own_clock
+from stemwatch.models.preparation.own_clock import on_own_clock
 from stemwatch.models.recording import PERCENT, Floats, Recording, Role, Signal
-from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.fit import Advantage, fit_stickslip

@@ -11,7 +11,7 @@ from scipy.signal import savgol_filter
 from stemwatch.models.mismatch.force_balance import force_balance, parabolas
 from stemwatch.models.mismatch.prepared_recording import problem_of
 from stemwatch.models.mismatch.record_effects import measured_record
-from stemwatch.models.own_clock import on_own_clock
+from stemwatch.models.preparation.own_clock import on_own_clock
 from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls
 from tests.models.mismatch.simulated_drive import drive

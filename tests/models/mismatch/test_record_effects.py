@@ -13,10 +13,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stemwatch.models.frozen import after_the_first, without_frozen
-from stemwatch.models.mismatch.record_effects import measured_record, refresh_period, scan_sentence
-from stemwatch.models.own_clock import on_own_clock
+from stemwatch.models.mismatch.record_effects import measured_record, scan_sentence
+from stemwatch.models.preparation.own_clock import on_own_clock
+from stemwatch.models.record_checks.frozen import after_the_first, without_frozen
 from stemwatch.models.recording import ClockFacts, Recording, Role, Signal
+from stemwatch.models.signals.refresh_period import refresh_period
 from stemwatch.models.studies.simulator import PlantLoop, SimulatedValve, simulate_loop
 from stemwatch.models.studies.simulator.historian import swinging_door
 from stemwatch.models.studies.simulator.loop import (

@@ -7,7 +7,7 @@ import numpy as np
 
 from stemwatch.models.mismatch.explain import BENDS, explain
 from stemwatch.models.mismatch.refined_curve import refined
-from stemwatch.models.own_clock import on_own_clock
+from stemwatch.models.preparation.own_clock import on_own_clock
 from stemwatch.models.stickslip.find_stroke_curve import EARLIER_USED
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.service.studies.robustness import WAYS, draw_valves, recorded

@@ -11,7 +11,7 @@ import pytest
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.mismatch.refreshes import at_refreshes
-from stemwatch.models.own_clock import on_own_clock
+from stemwatch.models.preparation.own_clock import on_own_clock
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.studies.simulator import PlantLoop, SimulatedValve, simulate_loop
 from stemwatch.models.studies.simulator.loop import Load, LoadKind, SimulatedArchive, Transmitters

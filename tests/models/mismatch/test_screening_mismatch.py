@@ -11,7 +11,7 @@ import pytest
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.recording import Role
-from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls
 from stemwatch.models.verdict import Verdict
 from tests.models.mismatch.fitted_chain import rescaled, simulated_by_chain

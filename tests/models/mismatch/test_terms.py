@@ -11,7 +11,7 @@ import pytest
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.term import ActsOn, RecordingSummary
 from stemwatch.models.mismatch.terms import catalogue
-from stemwatch.models.own_clock import SpokenEstimate, estimate_in_seconds
+from stemwatch.models.preparation.own_clock import SpokenEstimate, estimate_in_seconds
 
 CATALOGUE = catalogue()
 everywhere = pytest.mark.parametrize("slug", sorted(CATALOGUE))

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.record_checks.quality import DataQuality
 from stemwatch.models.recording import Recording, Role, Signal
-from stemwatch.models.screening_result import DataQuality, Indicator, Screening
+from stemwatch.models.screening_result import Indicator, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.digest import queue_messages
 from stemwatch.service.alerts.evaluate import evaluate

@@ -11,8 +11,9 @@ import pytest
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Effect, EffectEvidence, Finding, Mismatch, Stiction
+from stemwatch.models.record_checks.quality import DataQuality
 from stemwatch.models.recording import Recording, Role, Signal
-from stemwatch.models.screening_result import DataQuality, Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.evaluate import awaiting_aftermath, evaluate, gathered
 from stemwatch.service.alerts.when_over import WINDOWS_BACK

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.evidence_over_windows import WindowEvidence
+from stemwatch.models.history.evidence_over_windows import WindowEvidence
+from stemwatch.models.history.wear_forecast import WearForecast
 from stemwatch.models.mismatch.findings import (
     Effect,
     EffectEvidence,
@@ -21,7 +22,6 @@ from stemwatch.models.mismatch.findings import (
 )
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.verdict import Shape, Verdict
-from stemwatch.models.wear_forecast import WearForecast
 from stemwatch.service.alerts.one_per_cause import faded, one_per_cause
 from stemwatch.service.alerts.rules import (
     AlertDecision,

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.record_checks.quality import DataQuality
 from stemwatch.models.recording import Recording, Role, Signal
-from stemwatch.models.screening_result import DataQuality, Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.digest import queue_messages
 from stemwatch.service.alerts.evaluate import CLEARED, evaluate

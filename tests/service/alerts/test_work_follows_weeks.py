@@ -19,8 +19,9 @@ from stemwatch.models.mismatch.findings import (
     Mismatch,
     Stiction,
 )
+from stemwatch.models.record_checks.quality import DataQuality
 from stemwatch.models.recording import Recording, Role, Signal
-from stemwatch.models.screening_result import DataQuality, Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.stored import facts_of, report_of_store
 from stemwatch.service.presenter.advice import term_words

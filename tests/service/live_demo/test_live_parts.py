@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stemwatch.models.limits import Limits
-from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.config import load_plant

@@ -14,7 +14,7 @@ import pytest
 from rich.console import Console
 from rich.text import Text
 
-from stemwatch.models.evidence_over_windows import WindowEvidence
+from stemwatch.models.history.evidence_over_windows import WindowEvidence
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.alerts.digest import message_of
 from stemwatch.service.alerts.rules import ValveRecord, apply_rules

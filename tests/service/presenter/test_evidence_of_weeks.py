@@ -10,7 +10,7 @@ from zoneinfo import ZoneInfo
 import pytest
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.evidence_over_windows import WindowEvidence
+from stemwatch.models.history.evidence_over_windows import WindowEvidence
 from stemwatch.models.mismatch.findings import EffectScore
 from stemwatch.service.presenter.evidence_of_weeks import evidence_of_weeks
 from stemwatch.service.report.evidence_by_window import evidence_picture

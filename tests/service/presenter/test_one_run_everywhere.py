@@ -23,7 +23,7 @@ import pytest
 from rich.text import Text
 
 from stemwatch.models.recording import Provenance
-from stemwatch.models.screening import failed
+from stemwatch.models.screening.screen import failed
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.digest import message_of

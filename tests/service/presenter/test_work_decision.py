@@ -9,10 +9,10 @@ import pytest
 
 from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Finding
-from stemwatch.models.quality import assess
+from stemwatch.models.record_checks.quality import assess
+from stemwatch.models.record_checks.validity_checks import reversed_obstacles
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening_result import Screening
-from stemwatch.models.validity_checks import reversed_obstacles
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.presenter import work_decision as k
 from stemwatch.service.presenter.finding import present

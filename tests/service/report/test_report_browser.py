@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from stemwatch.models.position_histograms import position_histograms
 from stemwatch.models.recording import Role, Signal
+from stemwatch.models.signals.position_histograms import position_histograms
 from stemwatch.service.report import ValveFacts, html_page, write_report
 from tests.service.browser_windows import colours_drawn
 

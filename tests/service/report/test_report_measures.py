@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from stemwatch.models.screening_result import DataQuality, Indicator, Residual
+from stemwatch.models.record_checks.quality import DataQuality
+from stemwatch.models.screening_result import Indicator, Residual
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.finding import beside_friction, without_them
 from stemwatch.service.presenter.wording import not_yet_said

@@ -15,7 +15,7 @@ import numpy as np
 import openpyxl
 import pytest
 
-from stemwatch.models.evidence_over_windows import WindowEvidence
+from stemwatch.models.history.evidence_over_windows import WindowEvidence
 from stemwatch.models.mismatch.findings import FreeRuns, HotPlace, ResidualMap
 from stemwatch.service.explain.explain_recording import Explained
 from stemwatch.service.explain.write_explanation import write_pages

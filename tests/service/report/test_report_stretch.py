@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.record_checks.quality import DataQuality
 from stemwatch.models.recording import Recording, Role, Signal
-from stemwatch.models.screening_result import DataQuality, Screening, Traces
+from stemwatch.models.screening_result import Screening, Traces
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report.charts.thinning import POINTS
 from stemwatch.service.report.charts.traces import unpacked

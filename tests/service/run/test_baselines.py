@@ -12,7 +12,7 @@ import pytest
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.run.saving import keep_network
 from stemwatch.service.store.store import Store, open_store
-from tests.models.test_narx_network import network
+from tests.models.narx.test_narx_network import network
 from tests.service.example_mismatches import named
 from tests.service.web.example_plant import NOW, STICKY, screening
 

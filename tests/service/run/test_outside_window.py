@@ -12,7 +12,7 @@ import pytest
 
 from stemwatch.connectors.connector import TagMapping, ValveTags
 from stemwatch.models.recording import Provenance, Role
-from stemwatch.models.screening import failed
+from stemwatch.models.screening.screen import failed
 from stemwatch.service.run.outside_window import OutsideWindow
 from stemwatch.service.run.task import Task
 

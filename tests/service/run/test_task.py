@@ -12,7 +12,7 @@ from stemwatch.connectors.connector import TagMapping, ValveTags
 from stemwatch.connectors.historian import ReadOptions
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Role
-from stemwatch.models.screening import Case
+from stemwatch.models.screening.screen import Case
 from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve
 from stemwatch.models.verdict import Verdict
 from stemwatch.models.without_position.suspicion import Suspicion

@@ -22,8 +22,9 @@ import pytest
 from sqlalchemy import create_engine, make_url, text
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.record_checks.quality import DataQuality
 from stemwatch.models.recording import Provenance, Recording, Role, Signal
-from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening
+from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.store.store import Store, open_store
 from tests.shared_setup import made_once

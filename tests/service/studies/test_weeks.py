@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.evidence_over_windows import WindowEvidence
+from stemwatch.models.history.evidence_over_windows import WindowEvidence
 from stemwatch.models.mismatch.findings import EffectScore
 from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls
 from stemwatch.models.studies.simulator.hidden.draws import windows_of

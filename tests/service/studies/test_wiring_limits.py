@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from stemwatch.models import pv_answers, signal_pairing, validity_checks, wiring_checks
+from stemwatch.models.record_checks import pv_answers, validity_checks, wiring_checks
+from stemwatch.models.signals import signal_pairing
 from stemwatch.models.stickslip import stored_range
 from stemwatch.service.studies.miswiring import AS_IT_IS, draw_miswired
 from stemwatch.service.studies.wiring_limits import (

@@ -26,8 +26,8 @@ from stemwatch.models.stickslip.fit import ALWAYS, ONLY_WHEN_TURNING
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.valve_chain import CHAIN_PARAMETERS, ValveChain, valve_chain
 from stemwatch.service.twin.simulation_model.write_model import functional_mockup_unit
+from tests.models.health_indicators.test_response_figures import effect, judged, percent
 from tests.models.mismatch.test_terms import MATTERS
-from tests.models.test_response_figures import effect, judged, percent
 
 HOUR = 3600
 NEAR = 1e-9  # percent

@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import text
 
-from stemwatch.models.evidence_over_windows import FindingState
+from stemwatch.models.history.evidence_over_windows import FindingState
 from stemwatch.models.mismatch.findings import EffectScore, Finding, Mismatch
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict

@@ -15,7 +15,7 @@ from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Role, Signal
-from stemwatch.models.screening import Case, screen
+from stemwatch.models.screening.screen import Case, screen
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.service.store.samples.plot_points import with_holes
 from stemwatch.service.store.samples.tables import microseconds

@@ -14,7 +14,7 @@ from stemwatch.models.mismatch.open_question import OpenQuestion
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.service.web.pages import twin_page
 from tests.models.closed_loop.test_fitted_loop import plant
-from tests.models.test_response_figures import judged, percent
+from tests.models.health_indicators.test_response_figures import judged, percent
 from tests.service.web.example_plant import BLIND, HOUR_S, NOW, STICKY, screening
 
 

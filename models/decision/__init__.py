@@ -1,0 +1,1 @@
+"""From the evidence of one window to the verdict on the valve."""

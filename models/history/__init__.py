@@ -1,0 +1,1 @@
+"""What several windows of one valve say together, over hours or years."""

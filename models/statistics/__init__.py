@@ -1,0 +1,1 @@
+"""Statistics and algebra that know nothing of valves."""
