@@ -10,8 +10,8 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.preparation.own_clock import duration, period, rate
+from stemwatch.models.record_checks.data_quality import Obstacle
 from stemwatch.models.record_checks.own_swing import OwnSwing
-from stemwatch.models.record_checks.quality import Obstacle
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.screening_result import Residual
 from stemwatch.models.stickslip import parameters as coordinate

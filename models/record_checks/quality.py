@@ -13,8 +13,8 @@ import numpy as np
 
 from stemwatch.models.limits import Limits
 from stemwatch.models.preparation.own_clock import duration
+from stemwatch.models.record_checks.data_quality import DataQuality, Obstacle
 from stemwatch.models.record_checks.frozen import after_the_first, frozen_runs, without_frozen
-from stemwatch.models.record_checks.validity_checks import Obstacle as Obstacle
 from stemwatch.models.record_checks.validity_checks import (
     between_pieces,
     foreign_obstacles,
@@ -34,14 +34,6 @@ from stemwatch.models.words import share
 
 NEGLIGIBLE_SHARE = 0.005
 PUT_TOGETHER = 0.1  # share of holes in a recording, above which it is said to consist of pieces
-
-
-@dataclass(frozen=True, kw_only=True)
-class DataQuality:
-    """Grade of the recording's data, A (clean) to D (no verdict possible), with reasons."""
-
-    grade: str
-    reasons: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

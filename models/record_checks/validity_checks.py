@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from stemwatch.models.limits import Limits
 from stemwatch.models.preparation.own_clock import duration, is_of_seconds
+from stemwatch.models.record_checks.data_quality import Obstacle
 from stemwatch.models.recording import PERCENT, Bools, Quality, Recording, Role
 from stemwatch.models.signals.excitation import reversals, swing
 from stemwatch.models.signals.forensics import noise_sigma, quantum
@@ -52,15 +51,6 @@ SUMS_OP = "the position moves as fast as OP says"
 MAP_POSITION = "Map the tag of the stem position (ZT, POS, positioner feedback)."
 STUCK_REMEDY = "Look at the valve: a stroke test tells a stuck stem from a dead transmitter."
 UNIT_REMEDY = "Give its values at 0 % and 100 % (low, high) so that it can be read as percent."
-
-
-@dataclass(frozen=True)
-class Obstacle:
-    """Why there can be no verdict, and what would make one possible; a sentence each."""
-
-    slug: str
-    reason: str
-    remedy: str
 
 
 def position_obstacles(recording: Recording) -> list[Obstacle]:

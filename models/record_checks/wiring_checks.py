@@ -13,9 +13,9 @@ from functools import cached_property
 import numpy as np
 
 from stemwatch.models.preparation.own_clock import duration
+from stemwatch.models.record_checks.data_quality import Obstacle
 from stemwatch.models.record_checks.pv_answers import STICKS_PERCENT as STICKS_SO_THAT_PV_TELLS
 from stemwatch.models.record_checks.pv_answers import PvAnswers
-from stemwatch.models.record_checks.validity_checks import Obstacle
 from stemwatch.models.recording import Recording, Role
 from stemwatch.models.signals.excitation import swing
 from stemwatch.models.signals.forensics import quantum

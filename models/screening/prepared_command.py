@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stemwatch.models.mismatch.refined_curve import refined
-from stemwatch.models.record_checks.quality import Obstacle
+from stemwatch.models.record_checks.data_quality import Obstacle
 from stemwatch.models.record_checks.validity_checks import reversed_obstacles
 from stemwatch.models.record_checks.wiring_checks import perhaps_exchanged, wiring_obstacles
 from stemwatch.models.recording import Recording

@@ -45,14 +45,9 @@ from stemwatch.models.preparation.fit_window import (
 )
 from stemwatch.models.preparation.loop_pace import at_loop_pace
 from stemwatch.models.preparation.own_clock import duration, off_own_clock, on_own_clock
+from stemwatch.models.record_checks.data_quality import DataQuality, Obstacle
 from stemwatch.models.record_checks.own_swing import OwnSwing, own_swing
-from stemwatch.models.record_checks.quality import (
-    Assessment,
-    DataQuality,
-    Obstacle,
-    assess,
-    with_obstacles,
-)
+from stemwatch.models.record_checks.quality import Assessment, assess, with_obstacles
 from stemwatch.models.record_checks.record_facts import facts_without_verdict
 from stemwatch.models.record_checks.validity_checks import OP_AT_REST
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording

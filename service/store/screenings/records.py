@@ -13,7 +13,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.health_indicators.indicator_meanings import meaning_of
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.mismatch.open_question import OpenQuestion
-from stemwatch.models.record_checks.quality import DataQuality
+from stemwatch.models.record_checks.data_quality import DataQuality
 from stemwatch.models.recording import Provenance
 from stemwatch.models.screening_result import Indicator, Residual
 from stemwatch.models.signals.position_histograms import PositionHistograms

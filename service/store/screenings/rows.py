@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.record_checks.quality import DataQuality
+from stemwatch.models.record_checks.data_quality import DataQuality
 from stemwatch.models.recording import PERCENT, Provenance
 from stemwatch.models.screening_result import Residual, Screening
 from stemwatch.models.signals.position_histograms import PositionHistograms

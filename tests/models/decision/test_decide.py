@@ -11,7 +11,7 @@ import pytest
 from stemwatch.models.decision.decide import DecisionEvidence, decide, shape_of, undetermined
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.limits import Limits
-from stemwatch.models.record_checks.validity_checks import Obstacle
+from stemwatch.models.record_checks.data_quality import Obstacle
 from stemwatch.models.screening_result import Residual
 from stemwatch.models.stickslip.stored_range import StoredRange
 from stemwatch.models.verdict import Shape, Verdict

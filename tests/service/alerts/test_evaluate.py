@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.record_checks.quality import DataQuality
+from stemwatch.models.record_checks.data_quality import DataQuality
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening_result import Indicator, Screening
 from stemwatch.models.verdict import Verdict

@@ -19,7 +19,7 @@ from stemwatch.models.mismatch.findings import (
     Mismatch,
     Stiction,
 )
-from stemwatch.models.record_checks.quality import DataQuality
+from stemwatch.models.record_checks.data_quality import DataQuality
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict

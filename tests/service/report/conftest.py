@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.record_checks.quality import DataQuality
+from stemwatch.models.record_checks.data_quality import DataQuality
 from stemwatch.models.recording import ClockFacts, Floats, Provenance, Recording, Role, Signal
 from stemwatch.models.screening_result import (
     Indicator,

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from stemwatch.models.record_checks.quality import DataQuality
+from stemwatch.models.record_checks.data_quality import DataQuality
 from stemwatch.models.screening_result import Indicator, Residual
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.finding import beside_friction, without_them

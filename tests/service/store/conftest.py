@@ -22,7 +22,7 @@ import pytest
 from sqlalchemy import create_engine, make_url, text
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.record_checks.quality import DataQuality
+from stemwatch.models.record_checks.data_quality import DataQuality
 from stemwatch.models.recording import Provenance, Recording, Role, Signal
 from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.models.verdict import Shape, Verdict

@@ -16,7 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.record_checks.quality import DataQuality
+from stemwatch.models.record_checks.data_quality import DataQuality
 from stemwatch.models.recording import Provenance
 from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.models.verdict import Shape, Verdict

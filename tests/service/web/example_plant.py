@@ -15,7 +15,7 @@ import numpy as np
 from stemwatch.connectors.connector import Window
 from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.record_checks.quality import DataQuality
+from stemwatch.models.record_checks.data_quality import DataQuality
 from stemwatch.models.recording import Floats, Provenance, Recording, Role, Signal
 from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.models.verdict import Shape, Verdict
