@@ -4,8 +4,9 @@ The strongest oscillation of a loop that is not explained yet is the first refer
 spectra around its period are coherent with it join; the reference becomes what the members have in
 common (the first principal component of their spectra). Loads that travel from loop to loop look
 similar, but weaker: the size of the common part, the regularity of the periods, and signs of a
-sticking valve decide whether the candidate is a group. The part that a group explains is subtracted
-from all loops, and the search goes on. So a loop may belong to several groups.
+sticking valve decide whether the candidate is a group. In a short record unrelated loops look alike
+too, so that chance must hardly make such a one. The part that a group explains is subtracted from
+all loops, and the search goes on. So a loop may belong to several groups.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.linalg import eigh
 
+from stemwatch.models.oscillation_groups.chance import log_chances, log_expected
 from stemwatch.models.oscillation_groups.limits import GroupLimits
 from stemwatch.models.oscillation_groups.loop_spectra import (
     Complexes,
@@ -48,8 +50,9 @@ class FoundGroup:
 
     ``members`` (k,) their numbers; ``shares`` (k,) of each PV's variance that the oscillation
     makes; ``coherence`` (k,) with the reference, in the band; ``reference`` (bins,) the common
-    spectrum, of unit length; ``statistics`` (4,) the evidence against chance, in the order of the
-    weights.
+    spectrum, of unit length; ``statistics`` (4,) the evidence for an oscillation rather than a
+    load that travels, in the order of the weights; ``parts`` (k, bins) the spectra in which the
+    members were found to be coherent, of ``compared`` loops that move enough in the band.
     """
 
     frequency: float
@@ -60,6 +63,8 @@ class FoundGroup:
     reference: Complexes
     band: slice
     statistics: Floats
+    parts: Complexes
+    compared: int
 
     @property
     def period_s(self) -> float:
@@ -89,10 +94,11 @@ def find_groups(
         (peak for peak in seen if peak.share >= limits.share), key=lambda peak: -peak.share
     )
     groups: list[FoundGroup] = []
+    searches = len(open_)
     while open_ and len(groups) < _MOST_GROUPS:
         first = open_.pop(0)
         group = candidate(first, spectra, pv, remaining, seen, limits, sticking)
-        if group is None or not more_than_chance(group, limits):
+        if group is None or not more_than_chance(group, limits, searches):
             continue
         members = set(group.members)
         open_ = [
@@ -106,13 +112,18 @@ def find_groups(
     return sorted(groups, key=lambda group: -sum(group.shares))
 
 
-def more_than_chance(group: FoundGroup, limits: GroupLimits) -> bool:
-    """Whether a candidate is a group: the evidence reaches its limit, and two loops alone share
-    clearly more than the least of a member.
+def more_than_chance(group: FoundGroup, limits: GroupLimits, searches: int) -> bool:
+    """Whether a candidate is a group: unrelated loops would hardly be as coherent in one of so many
+    ``searches``, the evidence reaches its limit, and two loops alone share clearly more than the
+    least of a member.
     """
     if group.weaker_of_two < limits.pair_share:
         return False
-    return bool(group.statistics @ np.array(limits.weights) >= limits.evidence)
+    if group.statistics @ np.array(limits.weights) < limits.evidence:
+        return False
+    chances = log_chances(group.parts, _basis, _first_component)
+    expected = np.exp(log_expected(chances, group.compared, searches))
+    return bool(expected <= limits.by_chance)
 
 
 def _near(a: float, b: float, relative: float) -> bool:
@@ -169,6 +180,8 @@ def candidate(
         statistics=_statistics(
             of_pv[members], max(regular), [sticking.get(int(i)) for i in members]
         ),
+        parts=parts[members],
+        compared=int((power >= limits.share).sum()),
     )
 
 

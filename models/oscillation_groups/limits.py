@@ -17,8 +17,9 @@ class GroupLimits:
 
     ``weights`` of the evidence for a group (constant, ln of the largest share, ln of the largest
     regularity, ln of the largest product of a loop's odds of sticking by OP and PV and its share),
-    a logit; ``evidence``, the logit that chance alone reaches in at most one quiet plant of twenty,
-    with a certainty of 95 %.
+    a logit; ``evidence``, the logit that travelling loads alone reach in at most one quiet plant of
+    twenty, with a certainty of 95 %. ``by_chance`` is the number of groups as coherent as one that
+    may be expected among unrelated loops.
     """
 
     share: float
@@ -26,6 +27,7 @@ class GroupLimits:
     pair_share: float
     weights: tuple[float, float, float, float]
     evidence: float
+    by_chance: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +43,12 @@ class SourceWeights:
 # `study-oscillations --plants 40 --quiet 120 --fit` with the seeds in docs/oscillation-groups.md
 # prints the weights, by 400 drawn plants, and `evidence`, by the 365 quiet ones of 1,200 others.
 LIMITS = GroupLimits(
-    share=0.1, coherence=0.55, pair_share=0.13, weights=(1.6, 2.11, 0.64, 0.85), evidence=-0.36
+    share=0.1,
+    coherence=0.55,
+    pair_share=0.13,
+    weights=(1.6, 2.11, 0.64, 0.85),
+    evidence=-0.36,
+    by_chance=0.05,
 )
 # The weight of a verdict from a measured position is set by hand, because the drawn loops have
 # none.

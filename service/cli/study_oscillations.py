@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from stemwatch.models.studies.interacting_loops.score_plant import ScoredPlant
 
 _DAY = 8640  # samples of 10 s
+_HOURS = (2.0, 4.0)  # of recordings that are judged beside the whole ones of twelve hours
+_WHOLE = 12.0
+_SETS_A_PLANT = 4  # plants for each set of unrelated loops
 _KINDS = ("sticking valve", "tight loop", "external wave")
 
 
@@ -49,7 +52,8 @@ def study_oscillations(
 
     Plants of 10 to 40 loops that act on each other, with no source or up to three: a sticking
     valve, a loop at its stability limit, a wave from outside. What is true comes from running each
-    plant with one source at a time.
+    plant with one source at a time. Beside them stand sets of loops each of another plant, which no
+    group can join.
     """
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor, map_items
@@ -57,9 +61,11 @@ def study_oscillations(
     done: dict[int, Any] = {}
     seeds = [seed] if fit is None else _seeds(fit)
     items = [(each, number) for each in seeds for number in range(plants)]
-    fitted = len(items)
+    whole = len(items)
     if fit is not None:
         items += [(each, number) for each in seeds for number in range(plants, plants + quiet)]
+    else:
+        items += [(seed, -1 - number) for number in range(max(plants // _SETS_A_PLANT, 1))]
     with views.progress("plants", len(items), transient=True) as advance:
         work: Callable[[tuple[int, int]], Any] = _score_one_plant
         if fit is not None:
@@ -69,9 +75,10 @@ def study_oscillations(
             advance(len(done))
     results = [done[index] for index in sorted(done)]
     if fit is not None:
-        _print_fitted(results[:fitted], [shown for shown in results[fitted:] if shown])
+        _print_fitted(results[:whole], [shown for shown in results[whole:] if shown])
         return
-    figures = _figures(results)
+    figures = _figures([by_hours[_WHOLE] for by_hours in results[:whole]])
+    figures |= _by_length(results[:whole], results[whole:])
     if loops:
         figures[f"{loops} loops of a day, s on one core"] = round(_seconds(loops), 1)
     for name, value in figures.items():
@@ -88,10 +95,18 @@ def _seeds(text: str) -> list[int]:
         raise typer.BadParameter(f"--fit {text}: expected seeds such as 5151,6161") from None
 
 
-def _score_one_plant(item: tuple[int, int]) -> ScoredPlant:
-    from stemwatch.models.studies.interacting_loops.score_plant import plant_of, score_plant
+def _score_one_plant(item: tuple[int, int]) -> dict[float, ScoredPlant]:
+    """By the hours of its recording; a number below 0 is a set of unrelated loops."""
+    from stemwatch.models.studies.interacting_loops.score_plant import (
+        first_hours,
+        plant_of,
+        score_plant,
+        unrelated_of,
+    )
 
-    return score_plant(plant_of(*item))
+    seed, number = item
+    plant = plant_of(seed, number) if number >= 0 else unrelated_of(seed, -1 - number)
+    return {hours: score_plant(first_hours(plant, hours)) for hours in (*_HOURS, _WHOLE)}
 
 
 def _look_at_one_plant(plants: int, item: tuple[int, int]) -> PlantEvidence | None:
@@ -117,6 +132,32 @@ def _print_fitted(plants: Sequence[PlantEvidence], quiet: Sequence[PlantEvidence
     views.out.print(f"WEIGHTS = {fit_sources(plants)}", highlight=False)
 
 
+def _share(count: int, total: int) -> str:
+    return f"{count} of {total} ({100.0 * count / total:.0f} %)" if total else "none"
+
+
+def _by_length(
+    plants: Sequence[dict[float, ScoredPlant]], unrelated: Sequence[dict[float, ScoredPlant]]
+) -> dict[str, Any]:
+    """How often a group is found where there is none, and where there are some, by the hours that
+    were recorded."""
+
+    def with_a_group(of: Sequence[dict[float, ScoredPlant]], hours: float) -> str:
+        return _share(sum(bool(each[hours].groups) for each in of), len(of))
+
+    quiet = [each for each in plants if each[_WHOLE].quiet]
+    moved = [each for each in plants if not each[_WHOLE].quiet]
+    figures: dict[str, Any] = {}
+    for hours in (*_HOURS, _WHOLE):
+        recorded = f"{hours:g} h recorded"
+        figures |= {
+            f"{recorded}: sets of unrelated loops with a group": with_a_group(unrelated, hours),
+            f"{recorded}: quiet plants with a group": with_a_group(quiet, hours),
+            f"{recorded}: plants with groups in which one is found": with_a_group(moved, hours),
+        }
+    return figures
+
+
 def _figures(results: Sequence[ScoredPlant]) -> dict[str, Any]:
     """The figures by name."""
     index = [plant.rand_index for plant in results if plant.rand_index is not None]
@@ -124,29 +165,26 @@ def _figures(results: Sequence[ScoredPlant]) -> dict[str, Any]:
     groups = [group for plant in results if not plant.quiet for group in plant.groups]
     true = [group for group in groups if group.kind]
 
-    def share(count: int, total: int) -> str:
-        return f"{count} of {total} ({100.0 * count / total:.0f} %)" if total else "none"
-
     figures: dict[str, Any] = {
         "plants with groups, quiet plants": [len(index), len(quiet)],
         "adjusted Rand index, mean": round(sum(index) / len(index), 3) if index else None,
         "adjusted Rand index, median": round(sorted(index)[len(index) // 2], 3) if index else None,
         "groups found, of them of no source": [len(groups), len(groups) - len(true)],
-        "true source first": share(sum(group.place == 0 for group in true), len(true)),
-        "true source among the first two": share(
+        "true source first": _share(sum(group.place == 0 for group in true), len(true)),
+        "true source among the first two": _share(
             sum(group.place in (0, 1) for group in true), len(true)
         ),
-        "true source first, connections known": share(
+        "true source first, connections known": _share(
             sum(group.place_by_connections == 0 for group in true), len(true)
         ),
-        "true source among the first two, connections known": share(
+        "true source among the first two, connections known": _share(
             sum(group.place_by_connections in (0, 1) for group in true), len(true)
         ),
-        "quiet plants with a group": share(sum(bool(p.groups) for p in quiet), len(quiet)),
+        "quiet plants with a group": _share(sum(bool(p.groups) for p in quiet), len(quiet)),
     }
     for kind in _KINDS:
         of_kind = [group for group in true if group.kind == kind]
-        figures[f"{kind}: source first"] = share(
+        figures[f"{kind}: source first"] = _share(
             sum(group.place == 0 for group in of_kind), len(of_kind)
         )
     return figures

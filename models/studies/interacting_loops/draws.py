@@ -110,6 +110,33 @@ def draw_plant(rng: np.random.Generator, sources: int | None = None) -> DrawnPla
     return plant
 
 
+def unrelated_loops(rng: np.random.Generator, count: int) -> RunPlant:
+    """``count`` loops that have nothing to do with each other: each is one of a plant of its own.
+
+    Whatever group is found among them is none. They are those of plants with and without sources,
+    so that many oscillate, each with its own period.
+    """
+    rows: list[tuple[Floats, Floats, Floats]] = []
+    for _ in range(count):
+        plant = draw_plant(rng)
+        pv, op = _run(plant, range(len(plant.sources)))
+        loop = int(rng.integers(len(plant.units)))
+        rows.append((_set_points_recorded(plant, pv.shape[1])[loop], pv[loop], op[loop]))
+    size = min(pv.size for _, pv, _ in rows)
+    sp, pv, op = (np.array([signal[:size] for signal in each]) for each in zip(*rows, strict=True))
+    return RunPlant(
+        interval_s=SCAN_S * EVERY,
+        sp=sp,
+        pv=pv,
+        op=op,
+        units=tuple(range(count)),
+        sources=(),
+        shares=np.zeros((0, count)),
+        label=(-1,) * count,
+        feeds={},
+    )
+
+
 def run_drawn(plant: DrawnPlant) -> RunPlant:
     """Run the plant as it is recorded, without each of its sources, and, with a third of its noise
     and loads, without any and with each source alone.
@@ -133,10 +160,9 @@ def run_drawn(plant: DrawnPlant) -> RunPlant:
         caused = np.minimum(np.var(with_one, axis=1) - np.var(quiet_pv, axis=1), in_bins)
         needed = in_bins - _around(_moving(pv_without), bins)
         shares[index] = np.clip(np.maximum(caused, needed) / variance, 0.0, 1.0)
-    sp = 50.0 + plant.set_points[:, EVERY - 1 :: EVERY][:, : pv.shape[1]]
     return RunPlant(
         interval_s=SCAN_S * EVERY,
-        sp=sp,
+        sp=_set_points_recorded(plant, pv.shape[1]),
         pv=pv,
         op=op,
         units=plant.units,
@@ -195,6 +221,10 @@ def labels_by_share(shares: Floats) -> tuple[int, ...]:
             return tuple(int(number) for number in label.tolist())
         rows.remove(weakest)
     return tuple([-1] * shares.shape[1])
+
+
+def _set_points_recorded(plant: DrawnPlant, samples: int) -> Floats:
+    return np.asarray(50.0 + plant.set_points[:, EVERY - 1 :: EVERY][:, :samples])
 
 
 def _moving(values: Floats) -> Floats:

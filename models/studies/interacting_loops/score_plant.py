@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,8 +23,12 @@ from stemwatch.models.studies.interacting_loops.draws import (
     draw_plant,
     labels_by_share,
     run_drawn,
+    unrelated_loops,
 )
 from stemwatch.models.without_position.suspicion import look_at_loop, trained_judge
+
+UNRELATED = 15  # loops of a set, as many as a unit of a plant has
+_SETS = 1_000_000  # beyond the numbers of plants of a seed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +61,19 @@ class ScoredPlant:
 def plant_of(seed: int, number: int) -> RunPlant:
     """Plant ``number`` of ``seed``; it does not depend on which others are drawn."""
     return run_drawn(draw_plant(np.random.default_rng((seed, number))))
+
+
+def unrelated_of(seed: int, number: int) -> RunPlant:
+    """Set ``number`` of ``UNRELATED`` loops of ``seed`` that have nothing to do with each other."""
+    return unrelated_loops(np.random.default_rng((seed, _SETS, number)), UNRELATED)
+
+
+def first_hours(plant: RunPlant, hours: float) -> RunPlant:
+    """The beginning of a plant's recording; what is true of it stays that of the whole."""
+    samples = round(hours * 3600.0 / plant.interval_s)
+    return replace(
+        plant, sp=plant.sp[:, :samples], pv=plant.pv[:, :samples], op=plant.op[:, :samples]
+    )
 
 
 class PlantSuspicions(Mapping[int, float]):

@@ -74,6 +74,18 @@ def test_noise_makes_no_group() -> None:
     assert found(values) == []
 
 
+def test_a_short_record_makes_no_group_of_a_sticking_valve_and_noise() -> None:
+    """Eleven cycles leave six bins in the band: whatever moves in it is half coherent. For a strong
+    cycle of a valve that surely sticks, beside fourteen loops of wandering noise, in twenty plants.
+    """
+    short = 700
+    for seed in range(20):
+        values = noises(15, seed=seed)[:, :short]
+        values[4] += 8.0 * wave(640.0, seed=100 + seed)[:short]
+        spectra = loop_spectra(values, INTERVAL_S)
+        assert find_groups(spectra, spectra, LIMITS, {4: 5.0}) == []
+
+
 def test_a_loop_may_belong_to_two_groups() -> None:
     """Each oscillation has its share of the loop's variance."""
     values = noises(7)

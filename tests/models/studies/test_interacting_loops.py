@@ -20,6 +20,7 @@ from stemwatch.models.studies.interacting_loops.draws import (
     draw_plant,
     labels_by_share,
     run_drawn,
+    unrelated_loops,
 )
 from stemwatch.models.studies.interacting_loops.fitting import (
     PlantEvidence,
@@ -30,6 +31,7 @@ from stemwatch.models.studies.interacting_loops.fitting import (
 )
 from stemwatch.models.studies.interacting_loops.score_plant import (
     adjusted_rand_index,
+    first_hours,
     labels_found,
     plant_of,
     score_plant,
@@ -60,6 +62,19 @@ def test_a_plant_without_sources_has_no_truth_to_find() -> None:
     assert set(plant.label) == {-1}
     assert plant.shares.size == 0
     assert np.abs(plant.pv - plant.sp).mean() < 3.0
+
+
+def test_unrelated_loops_are_of_a_plant_each() -> None:
+    """As many as asked for, with nothing true to find among them, in two hours or all."""
+    plant = unrelated_loops(np.random.default_rng(4064), 5)
+    assert plant.pv.shape == plant.op.shape == plant.sp.shape
+    assert plant.pv.shape[0] == 5
+    assert np.abs(np.corrcoef(plant.pv) - np.eye(5)).max() < 0.9
+    short = first_hours(plant, 2.0)
+    assert short.pv.shape == (5, 720)
+    judged = score_plant(short)
+    assert judged.quiet
+    assert judged.groups == ()
 
 
 def test_a_source_moves_its_own_loop() -> None:
