@@ -48,6 +48,7 @@ from stemwatch.models.own_clock import duration, off_own_clock, on_own_clock
 from stemwatch.models.own_swing import OwnSwing, own_swing
 from stemwatch.models.position_histograms import position_histograms
 from stemwatch.models.prepared_command import prepare_command
+from stemwatch.models.pulsing_stem import find_pulses
 from stemwatch.models.quality import Assessment, Obstacle, assess, with_obstacles
 from stemwatch.models.record_facts import facts_without_verdict
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
@@ -543,6 +544,7 @@ def _with_verdict(
         sampling=fitted.archive.reason if fitted.archive is not None else "",
         unit_s=fitted.recording.unit_s,
         swings=_own_swing(fit, mismatch),
+        pulses=find_pulses(fit),
         steps=way_in_a_sample(fit.evaluator.problem) if fit.in_steps else 0.0,
         changed=_changed(fitted, fit, mismatch),
         leads_s=fitted.late_s if fitted.perhaps_exchanged else 0.0,
