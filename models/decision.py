@@ -106,6 +106,7 @@ class DecisionEvidence:
     pulses: Pulses | None = None  # of the stem, which its command does not have
     steps: float = 0.0  # percent by which OP was stepped, where each of its steps moved the stem
     changed: ChangeOfStiction | None = None  # S within the recording, in percent of OP
+    curve_is_enough: bool = False  # another curve from OP to stroke fits as well as friction
     leads_s: float = 0.0  # by which the position moves first, where it may be OP itself
 
 
@@ -215,6 +216,24 @@ def _not_described(unexplained: str, sampling: str) -> Decision:
         "Something else moves this stem (positioner, actuator, air supply, the reading "
         "itself): look at the residual plots, and do a stroke test with small steps.",
         numbers_hold=False,
+    )
+
+
+def _large_S(evidence: DecisionEvidence, limits: Limits, *, friction: bool) -> Decision:
+    """Sticky, unless something without friction fits as well."""
+    would_fit = f"S of {_width(evidence)} would fit, but"
+    if evidence.curve_is_enough:
+        return _cannot_tell(
+            f"{would_fit} a curve from OP to stroke that is a little different, without friction, "
+            "fits as well",
+            f"Give the valve's curve in the plant file if it is known. {LONGER}",
+        )
+    if friction:
+        return _sticky(evidence, limits)
+    return _cannot_tell(
+        f"{would_fit} a slow actuator without friction fits as well",
+        "Step OP by 1 % and then by 5 %: a slow actuator follows both, a sticking stem only "
+        "the larger one.",
     )
 
 
@@ -461,13 +480,7 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
     if S is None or low is None or high is None:
         return _cannot_tell(evidence.S.reason or "S is not known", "Record more movement.")
     if low >= limits.sticky_S_percent:
-        if friction:
-            return _sticky(evidence, limits)
-        return _cannot_tell(
-            f"S of {_width(evidence)} would fit, but a slow actuator without friction fits as well",
-            "Step OP by 1 % and then by 5 %: a slow actuator follows both, a sticking stem only "
-            "the larger one.",
-        )
+        return _large_S(evidence, limits, friction=friction)
     if S >= limits.watch_S_percent:
         return _some_friction(evidence, low, high, limits)
     if _moved_away(evidence, limits):

@@ -9,8 +9,8 @@ small S all the same, and nothing else is wrong. So with the residual ``r = MV -
     end, stays within twice its size, and within half of it over any time in which a stem answers
 
 and two such moves after each other are a pulse: one out, one back. A move is larger than
-``LEAST_PERCENT`` and five standard deviations of the reading's noise, as it is (less readings of a
-single sample) or averaged over ``AVERAGED`` samples. OP may have moved unseen by what its recorder
+``LEAST_PERCENT``, twice the fitted S, and five standard deviations of the reading's noise, as it is
+(less readings of a single sample) or averaged over ``AVERAGED`` samples. OP may have moved unseen by what its recorder
 leaves open. What is quicker than some samples is noise by this measure; its line in the spectrum is
 looked for in ``own_swing``.
 """
@@ -30,6 +30,7 @@ from stemwatch.models.stickslip.fit import StickSlipFit
 
 LEAST_PERCENT, NOISE = 0.4, 5.0  # of travel, and standard deviations of the reading
 AVERAGED = 9  # samples
+OF_S = 2.0  # times the fitted S, by which a model that rests where the stem moves is off
 # Of a move of the position, within which OP stays: throughout, and while the stem answers.
 THROUGHOUT, AT_ONCE = 2.0, 0.5
 LAGS, SAMPLES_BEFORE = 4.0, 10  # before a move, in which OP may be its cause
@@ -68,7 +69,7 @@ def _pulses(fit: StickSlipFit, off: Floats, sigma: float) -> Pulses:
     """The pulses in how far the stem is ``off`` (n,) the model, percent, read with noise
     ``sigma``."""
     problem, before = fit.evaluator.problem, _before(fit)
-    turns = reversals(off, max(NOISE * sigma, LEAST_PERCENT))
+    turns = reversals(off, max(NOISE * sigma, LEAST_PERCENT, OF_S * fit.S))
     if turns.size < FEWEST:
         return Pulses(0, 0.0)
     sizes = np.abs(np.diff(off[turns]))

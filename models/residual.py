@@ -84,6 +84,21 @@ def slow_actuator_is_enough(fit: StickSlipFit, mismatch: Mismatch) -> bool:
     return unseen.rmse < NOTHING_ELSE * other
 
 
+def curve_is_enough(fit: StickSlipFit) -> bool:
+    """Whether a curve from OP to stroke a little different from the one found, without friction,
+    follows the position as well as S does: what the curve is off by then looks like a dead band.
+    Asked only where OP was read through a curve, and no breakaways show the friction.
+    """
+    problem = fit.evaluator.problem
+    if not problem.unsure_degree or fit.breakaways is not None or fit.events.evident:
+        return False
+    scored = problem.scored
+    op, mv = problem.op[scored], problem.mv[scored]
+    other = np.polynomial.Polynomial.fit(op, mv, problem.unsure_degree)(op)
+    off = mv - fit.evaluator.simulate(fit.candidate)[scored]
+    return float(np.var(mv - other)) <= float(np.mean(off**2))
+
+
 def typical_percent(fit: StickSlipFit) -> float:
     """100 (1 - median |residual| / median |MV - median MV|): slips that come late do not count."""
     error, mv = _heldout(fit, resynced=True)

@@ -545,6 +545,7 @@ def _with_verdict(
         unit_s=fitted.recording.unit_s,
         swings=_own_swing(fit, mismatch),
         pulses=find_pulses(fit),
+        curve_is_enough=residual.curve_is_enough(fit),
         steps=way_in_a_sample(fit.evaluator.problem) if fit.in_steps else 0.0,
         changed=_changed(fitted, fit, mismatch),
         leads_s=fitted.late_s if fitted.perhaps_exchanged else 0.0,
