@@ -12,6 +12,7 @@ from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.preparation.own_clock import duration, period, rate
 from stemwatch.models.record_checks.data_quality import Obstacle
 from stemwatch.models.record_checks.own_swing import OwnSwing
+from stemwatch.models.record_checks.pulsing_stem import Pulses
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.screening_result import Residual
 from stemwatch.models.stickslip import parameters as coordinate
@@ -102,8 +103,10 @@ class DecisionEvidence:
     op_in: StoredRange | None = None  # in which OP alone may be stored, unscaled
     sampling: str = ""  # why the sampling is too slow to show how the stem moved, or empty
     swings: OwnSwing | None = None  # of the position alone, without its command
+    pulses: Pulses | None = None  # of the stem, which its command does not have
     steps: float = 0.0  # percent by which OP was stepped, where each of its steps moved the stem
     changed: ChangeOfStiction | None = None  # S within the recording, in percent of OP
+    curve_is_enough: bool = False  # another curve from OP to stroke fits as well as friction
     leads_s: float = 0.0  # by which the position moves first, where it may be OP itself
 
 
@@ -216,6 +219,24 @@ def _not_described(unexplained: str, sampling: str) -> Decision:
     )
 
 
+def _large_S(evidence: DecisionEvidence, limits: Limits, *, friction: bool) -> Decision:
+    """Sticky, unless something without friction fits as well."""
+    would_fit = f"S of {_width(evidence)} would fit, but"
+    if evidence.curve_is_enough:
+        return _cannot_tell(
+            f"{would_fit} a curve from OP to stroke that is a little different, without friction, "
+            "fits as well",
+            f"Give the valve's curve in the plant file if it is known. {LONGER}",
+        )
+    if friction:
+        return _sticky(evidence, limits)
+    return _cannot_tell(
+        f"{would_fit} a slow actuator without friction fits as well",
+        "Step OP by 1 % and then by 5 %: a slow actuator follows both, a sticking stem only "
+        "the larger one.",
+    )
+
+
 def _by_bound(
     evidence: DecisionEvidence, bound: float, limits: Limits, *, friction: bool
 ) -> Decision:
@@ -258,6 +279,8 @@ def _some_friction(evidence: DecisionEvidence, low: float, high: float, limits: 
         because, advice = _why_wide(evidence)
         between = f"S lies anywhere between {_percent(low)} and {_percent(high)}"
         return _cannot_tell(f"{between}{because}", advice)
+    if evidence.pulses is not None and evidence.pulses.percent > float(evidence.S.value or 0.0):
+        return _pulses(evidence.pulses)
     share = _share(evidence.S_draws >= limits.watch_S_percent)
     decision = _watch(evidence, limits, f"Some friction: S is {_width(evidence)}.", share)
     decision = _unless_stored_so(decision, evidence, limits.sticky_S_percent)
@@ -372,6 +395,8 @@ def _moved_otherwise(evidence: DecisionEvidence, limits: Limits) -> Decision | N
     """No verdict where S is small and something else moves the stem, else ``None``."""
     if evidence.swings is not None and evidence.swings.percent >= limits.watch_S_percent:
         return _hunts(evidence.swings, evidence.unit_s)
+    if evidence.pulses is not None:
+        return _pulses(evidence.pulses)
     not_followed = _not_followed(evidence, limits)
     if not_followed is not None:
         return _cannot_tell(not_followed, STEPPED, numbers_hold=False)
@@ -387,6 +412,20 @@ def _hunts(swings: OwnSwing, unit_s: float) -> Decision:
         "Set the loop to manual, hold OP and watch the stem itself. If it swings on, lower the "
         "positioner's gain and integral action or tune it anew, then check its air supply and the "
         "packing; if the stem rests, look at the bracket of the position transmitter.",
+        numbers_hold=False,
+    )
+
+
+def _pulses(pulses: Pulses) -> Decision:
+    """No verdict on a stem that goes out and comes back while its command rests."""
+    return _cannot_tell(
+        f"the position goes out and back by {_percent(pulses.percent)}, {pulses.count} times, "
+        "while OP rests or moves by less than half of that: the positioner hunts or leaks, its "
+        "feedback arm is loose, something pushes the stem, or it is the transmitter's noise, so S "
+        "and J would mean nothing",
+        "Set the loop to manual, hold OP and watch the stem itself. If it moves, check the "
+        "positioner's feedback arm and its tuning, its pilot and the air supply; if the stem rests "
+        "while the reading moves, look at the position transmitter.",
         numbers_hold=False,
     )
 
@@ -425,7 +464,7 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
     that neither model was fitted to. watch: S itself reaches the lower limit, or the valve has
     moved away from its baseline. healthy: even the high end of S stays below the sticky limit, and
     a free run follows the part that was not fitted, or its residual has a named cause, and the
-    position does not swing by itself.
+    position neither swings nor pulses by itself.
     """
     if evidence.changed is not None and _matters(evidence.changed, limits):
         return _changed_within(evidence.changed, evidence.unit_s)
@@ -441,13 +480,7 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
     if S is None or low is None or high is None:
         return _cannot_tell(evidence.S.reason or "S is not known", "Record more movement.")
     if low >= limits.sticky_S_percent:
-        if friction:
-            return _sticky(evidence, limits)
-        return _cannot_tell(
-            f"S of {_width(evidence)} would fit, but a slow actuator without friction fits as well",
-            "Step OP by 1 % and then by 5 %: a slow actuator follows both, a sticking stem only "
-            "the larger one.",
-        )
+        return _large_S(evidence, limits, friction=friction)
     if S >= limits.watch_S_percent:
         return _some_friction(evidence, low, high, limits)
     if _moved_away(evidence, limits):

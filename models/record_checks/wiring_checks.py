@@ -16,7 +16,7 @@ from stemwatch.models.preparation.own_clock import duration
 from stemwatch.models.record_checks.data_quality import Obstacle
 from stemwatch.models.record_checks.pv_answers import STICKS_PERCENT as STICKS_SO_THAT_PV_TELLS
 from stemwatch.models.record_checks.pv_answers import PvAnswers
-from stemwatch.models.recording import Recording, Role
+from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.signals.excitation import swing
 from stemwatch.models.signals.forensics import quantum
 from stemwatch.models.signals.percent import POSSIBLE_PERCENT
@@ -59,6 +59,8 @@ OTHERS = (
     (Role.MV, Role.PV, Role.OP, Role.PV),
     (Role.OP, Role.SP, Role.SP, Role.MV),
 )
+# Samples by which a PV comes after the position that it answers.
+ANSWERS = (1.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 UNEXPLAINED = BestShift(np.inf, 0.0)
 SPOKEN = {Role.OP: "OP", Role.MV: "the position", Role.PV: "PV", Role.SP: "SP"}
 
@@ -217,8 +219,23 @@ class WiringEvidence:
         return [
             (role, instead_role, _explained(self.recording, command, position).left)
             for role, instead_role, command, position in OTHERS
-            if not (role is Role.MV and self.pv_plainly)
+            if not (role is Role.MV and self.pv_plainly) and self._may_be_output(command)
         ]
+
+    def _may_be_output(self, role: Role) -> bool:
+        """Whether a signal may be the controller's output that was mapped as ``role``. A PV that
+        tells more of the position some samples later answers the position; and what a person sets
+        changes less often than a controller's output.
+        """
+        signal = self.recording.get(role)
+        if role is Role.OP or signal is None:
+            return True
+        if role is Role.SP:
+            return _changes(signal) >= _changes(self.recording.op)
+        pairing = paired(self.recording, role, Role.MV)
+        if pairing is None:
+            return True
+        return pairing.explained(BEFORE).left <= pairing.explained(ANSWERS).left
 
 
 def wiring_obstacles(
@@ -284,6 +301,11 @@ def _explained(recording: Recording, command: Role, position: Role) -> BestShift
             return UNEXPLAINED  # in a unit of its own
     pairing = paired(recording, command, position)
     return UNEXPLAINED if pairing is None else pairing.explained(BEFORE)
+
+
+def _changes(signal: Signal) -> int:
+    """How often the stored value of a signal changes from one sample to the next."""
+    return int(np.count_nonzero(np.diff(signal.values[signal.usable])))
 
 
 def _swapped(role: Role, instead_role: Role) -> Obstacle:

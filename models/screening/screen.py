@@ -47,6 +47,7 @@ from stemwatch.models.preparation.loop_pace import at_loop_pace
 from stemwatch.models.preparation.own_clock import duration, off_own_clock, on_own_clock
 from stemwatch.models.record_checks.data_quality import DataQuality, Obstacle
 from stemwatch.models.record_checks.own_swing import OwnSwing, own_swing
+from stemwatch.models.record_checks.pulsing_stem import find_pulses
 from stemwatch.models.record_checks.quality import Assessment, assess, with_obstacles
 from stemwatch.models.record_checks.record_facts import facts_without_verdict
 from stemwatch.models.record_checks.validity_checks import OP_AT_REST
@@ -107,6 +108,10 @@ class Options:
 DEFAULTS = Options()
 
 GROWING = "growing_stiction"
+SLOW_ACTUATOR = (
+    "Friction behind a slow actuator follows the part of the recording that was not fitted far "
+    "better than friction with other physics: nothing else is named."
+)
 PERHAPS_EXCHANGED = (
     "The position moves {} before OP, so that OP may be the position and the position OP: what S "
     "and J leave out is not asked."
@@ -329,7 +334,7 @@ def _explained(fitted: _Fitted, network: NarxFit | None) -> Mismatch:
     if fitted.perhaps_exchanged:
         first = duration(fitted.late_s, fitted.recording.unit_s, ".1f")
         return Mismatch.unknown(PERHAPS_EXCHANGED.format(first))
-    return explain(
+    found = explain(
         fitted.recording,
         ceiling=network.simulated if network is not None else None,
         curve=fitted.curve,
@@ -338,6 +343,12 @@ def _explained(fitted: _Fitted, network: NarxFit | None) -> Mismatch:
         look_within_steps=fitted.within_steps,
         restore=fitted.archive is not None,
         archive=fitted.archive,
+    )
+    archived = fitted.archive is not None
+    if archived or fitted.fit is None or not residual.slow_actuator_is_enough(fitted.fit, found):
+        return found
+    return Mismatch.unknown(
+        SLOW_ACTUATOR, record_effects=found.record_effects, seconds=found.seconds
     )
 
 
@@ -526,7 +537,7 @@ def _with_verdict(
         unseen=residual.of_unknown(mismatch),
         typical_percent=residual.typical_percent(fit),
         sigma=fit.evaluator.problem.sigma,
-        slow=slowness(fit) if mismatch is None else beside_friction(mismatch),
+        slow=_slow(fit, mismatch),
         baseline=compared.residual,
         baseline_ratio=compared.ratio,
         cycling_s=cycle.period_s if cycle is not None and cycle.regular else None,
@@ -535,6 +546,8 @@ def _with_verdict(
         sampling=fitted.archive.reason if fitted.archive is not None else "",
         unit_s=fitted.recording.unit_s,
         swings=_own_swing(fit, mismatch),
+        pulses=find_pulses(fit),
+        curve_is_enough=residual.curve_is_enough(fit),
         steps=way_in_a_sample(fit.evaluator.problem) if fit.in_steps else 0.0,
         changed=_changed(fitted, fit, mismatch),
         leads_s=fitted.late_s if fitted.perhaps_exchanged else 0.0,
@@ -561,6 +574,14 @@ def _with_verdict(
         network=network.network if network is not None else None,
         traces=_traces(fitted, fit, network),
     )
+
+
+def _slow(fit: StickSlipFit, mismatch: Mismatch | None) -> str:
+    """A sentence on what is beside friction: named effects, or where nothing else was asked or
+    needed, the actuator of the fit."""
+    if mismatch is None or mismatch.finding is Finding.NOT_TESTABLE:
+        return slowness(fit)
+    return beside_friction(mismatch)
 
 
 def _changed(
