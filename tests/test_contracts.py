@@ -51,6 +51,40 @@ def test_models_open_print_and_write_nothing() -> None:
     assert doors == []
 
 
+def test_kernels_copy_samples_one_by_one() -> None:
+    """For arrays numba compiles the words of its error about shapes too, which takes seconds."""
+    copied = [
+        f"{_place(path, line)}: {ast.unparse(line)}"
+        for path in _sources(("models",))
+        for function in _functions(path)
+        if any(_compiles(decorator) for decorator in function.decorator_list)
+        for line in ast.walk(function)
+        if isinstance(line, ast.Assign) and _copies_arrays(line, function)
+    ]
+    assert copied == []
+
+
+@pytest.mark.parametrize(
+    ("line", "copies"),
+    [
+        ("out[:] = op", True),
+        ("out[:, k] = 2.0 * op[:, k - 1]", True),
+        ("total, out[:2] = 0.0, np.exp(op)", True),
+        ("row[:] = 1.0 / count", False),
+        ("out[first:] = op[k]", False),
+        ("out[k] = op[k]", False),
+    ],
+)
+def test_a_copy_of_an_array_is_recognised(line: str, copies: bool) -> None:
+    """The check above sees what it is there for."""
+    source = f"def kernel(op: Floats, out: Floats, count: int) -> None:\n    {line}"
+    (function,) = ast.parse(source).body
+    assert isinstance(function, ast.FunctionDef)
+    (first,) = function.body
+    assert isinstance(first, ast.Assign)
+    assert _copies_arrays(first, function) is copies
+
+
 def test_every_module_says_what_it_is() -> None:
     """A docstring stands at the top of each module of packages and tests."""
     silent = [_place(path) for path in _everything() if not _says_something(_tree(path))]
@@ -142,6 +176,45 @@ def test_a_way_to_a_file_or_terminal_is_recognised(source: str) -> None:
     call = ast.parse(source, mode="eval").body
     assert isinstance(call, ast.Call)
     assert _is_door(call.func)
+
+
+def _compiles(decorator: ast.expr) -> bool:
+    return ast.unparse(decorator).partition("(")[0] in ("compiled", "njit", "never_raises")
+
+
+def _copies_arrays(line: ast.Assign, kernel: Function) -> bool:
+    """Whether part of an array is set to what may be one as well."""
+    arrays = {
+        argument.arg
+        for argument in kernel.args.args
+        if argument.annotation is not None
+        and ast.unparse(argument.annotation) not in ("int", "float")
+    }
+    pairs = [(target, line.value) for target in line.targets]
+    if isinstance(pairs[0][0], ast.Tuple) and isinstance(line.value, ast.Tuple):
+        pairs = list(zip(pairs[0][0].elts, line.value.elts, strict=True))
+    return any(_is_part(to) and _may_be_array(value, arrays) for to, value in pairs)
+
+
+def _is_part(node: ast.expr) -> bool:
+    return isinstance(node, ast.Subscript) and any(
+        isinstance(index, ast.Slice) for index in ast.walk(node.slice)
+    )
+
+
+def _may_be_array(value: ast.expr, arrays: set[str]) -> bool:
+    """Of numbers and elements there is only a number; what a function returns may be an array."""
+    if isinstance(value, ast.Subscript):
+        return _is_part(value)
+    if isinstance(value, ast.Name):
+        return value.id in arrays
+    if isinstance(value, ast.Call):
+        return True
+    return any(
+        _may_be_array(part, arrays)
+        for part in ast.iter_child_nodes(value)
+        if isinstance(part, ast.expr)
+    )
 
 
 def _is_door(called: ast.expr) -> bool:

@@ -314,7 +314,7 @@ def log_likelihood(
     # Unpacked first: an array that is read from a tuple is reference-counted at every sample.
     mv, marks, _, _, dt, _ = record
     friction, pushing, breakaway, wander = tables
-    n, k, current, total, so_far = mv.size, 0, -1, 0.0, 0.0
+    n, k, current, total, so_far = mv.size, course.INT(0), course.INT(-1), 0.0, 0.0
     # Two halves, of which one holds the courses and the other what becomes of them. (To exchange
     # two arrays would count references at every sample.)
     both = course.U(course.CHILDREN * min(most, course.MOST_COURSES))

@@ -109,7 +109,9 @@ def _clear(
             breakaway[row] = 0.0
         if numbers[row, BY_TIME] != 0.0:
             wander[row] = 0.0
-        numbers[row] = _NEUTRAL
+        # One by one: a row at a time would have numba's error about shapes compiled.
+        for i in range(_NEUTRAL.size):
+            numbers[row, i] = _NEUTRAL[i]
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ SOONEST = 8.0  # scatters below its level, up to which a stem lets go
 _LEAST_LEVEL = 1e-3  # percent
 # Places are unsigned, so that compiled code need not look for negative ones.
 U = cast("type[int]", np.uint64)
+INT = cast("type[int]", np.int64)  # a plain 0 that is handed on is compiled for twice
 ONE = U(1)
 MOST_COURSES = 48  # that can be kept
 # Places of a row: two halves, each with what may become of all courses, and a vector. Rows that lie
@@ -178,10 +179,10 @@ def look_up(
     """Write what the tables say of the courses of a ``span``."""
     if q[stem_number.BY_PLACE] != 0.0:
         for i in range(span[0], span[1]):
-            x = s[X + i]
-            s[FRICTION + i] = table_value(friction, 0, x)
-            s[PUSHED + i] = table_value(pushing, 0, x)
-            share, least = _share_and_least(dt, q, table_slope(pushing, 0, x))
+            x, lane = s[X + i], INT(0)
+            s[FRICTION + i] = table_value(friction, lane, x)
+            s[PUSHED + i] = table_value(pushing, lane, x)
+            share, least = _share_and_least(dt, q, table_slope(pushing, lane, x))
             s[SHARE + i], s[LEAST4 + i] = share, least * least * least * least
     if q[stem_number.BY_REST] != 0.0:
         for i in range(span[0], span[1]):

@@ -131,7 +131,11 @@ def _fold_losses(gram: Floats, columns: NDArray[np.int64], losses: Floats) -> No
     keeps redundant columns solvable.
     """
     size, last = columns.size, gram.shape[1] - 1
-    total, a, weights = gram.sum(axis=0), np.empty((size, size)), np.empty(size)
+    total, a, weights = gram[0].copy(), np.empty((size, size)), np.empty(size)
+    for fold in range(1, losses.size):  # by hand: a sum over an axis takes seconds to compile
+        for i in range(last + 1):
+            for j in range(last + 1):
+                total[i, j] += gram[fold, i, j]
     for fold in range(losses.size):
         own = gram[fold]
         for i in range(size):

@@ -49,19 +49,33 @@ def triangle_beside_sine(wave: Floats, period: float) -> float:
             continue
         count = stop - start
         if start > 0 and 4 <= count <= 2.0 * period:
-            part = np.abs(wave[start:stop])
-            time = (np.arange(count) + 0.5) / count
-            peak = min(max(time[np.argmax(part)], 0.15), 0.85)
-            sine += _misfit(part, np.sin(np.pi * time))
-            triangle += _misfit(part, np.minimum(time / peak, (1.0 - time) / (1.0 - peak)))
+            # Number by number: whole arrays take seconds to compile.
+            part, as_sine, as_triangle = np.empty(count), np.empty(count), np.empty(count)
+            highest = 0
+            for i in range(count):
+                part[i] = abs(wave[start + i])
+                as_sine[i] = np.sin(np.pi * ((i + 0.5) / count))
+                highest = i if part[i] > part[highest] else highest
+            peak = min(max((highest + 0.5) / count, 0.15), 0.85)
+            for i in range(count):
+                time = (i + 0.5) / count
+                as_triangle[i] = min(time / peak, (1.0 - time) / (1.0 - peak))
+            sine += _misfit(part, as_sine)
+            triangle += _misfit(part, as_triangle)
         start = stop
     return float(np.log(sine / triangle))
 
 
 @compiled(error_model="numpy")
 def _misfit(part: Floats, shape: Floats) -> float:
-    height = np.sum(part * shape) / np.sum(shape * shape)
-    return float(np.sum((part - height * shape) ** 2))
+    product, square, missed = 0.0, 0.0, 0.0
+    for i in range(part.size):
+        product += part[i] * shape[i]
+        square += shape[i] * shape[i]
+    height = product / square
+    for i in range(part.size):
+        missed += (part[i] - height * shape[i]) ** 2
+    return missed
 
 
 def _oddness(u: Floats, y: Floats, period: float) -> float:

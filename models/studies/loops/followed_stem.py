@@ -214,17 +214,22 @@ def _filtered(
     weights, errors = np.full(count, 1.0 / count), np.empty(count)
     places, parents = np.empty((n, count)), np.empty((n, count), np.int64)
     for k in range(n):
-        parents[k] = np.arange(count)
+        for i in range(count):
+            parents[k, i] = i
         if k >= _FIRST:
             _predict(sums, gains, k, errors)
             total += _weigh(weights, (seen[k - _FIRST] - errors) / size) - math.log(size)
             if 1.0 / np.sum(weights * weights) < 0.5 * count:
                 used = (used + 3 * count + 1) % (normals.size - 4 * count)
                 offset = uniforms[k % uniforms.size]
-                parents[k] = resample(weights, stems, sums, sizes, SCATTER, normals[used:], offset)
+                own = normals[used:]
+                chosen = resample(weights, stems, sums, sizes, SCATTER, own, offset)
+                for i in range(count):
+                    parents[k, i] = chosen[i]
         used = move(stems, SCATTER, force, k, normals, used)
-        places[k] = stems[:, 0]
-        sums[:, k % _KEPT] = sums[:, (k - 1) % _KEPT] + stems[:, 0]
+        for i in range(count):
+            places[k, i] = stems[i, 0]
+            sums[i, k % _KEPT] = sums[i, (k - 1) % _KEPT] + stems[i, 0]
     log_S = float(np.sum(weights * np.log(stems[:, 4] + _NOTHING)))
     return total, log_S, _traced(places, parents, np.cumsum(weights))
 
@@ -244,12 +249,16 @@ def _predict(sums: Floats, gains: Floats, k: int, predicted: Floats) -> None:
 @compiled(error_model="numpy")
 def _weigh(weights: Floats, errors: Floats) -> float:
     """Weigh by ``errors`` in sizes; ln of what the weights added up to."""
-    logarithm = np.log(weights + 1e-300)
-    logarithm -= 0.5 * (DEGREES + 1.0) * np.log1p(errors * errors / DEGREES)
-    most = logarithm.max()
-    weights[:] = np.exp(logarithm - most)
-    total = float(np.sum(weights))
-    weights /= total
+    most, total = -np.inf, 0.0
+    for i in range(weights.size):
+        weights[i] = np.log(weights[i] + 1e-300)
+        weights[i] -= 0.5 * (DEGREES + 1.0) * np.log1p(errors[i] * errors[i] / DEGREES)
+        most = max(most, weights[i])
+    for i in range(weights.size):
+        weights[i] = np.exp(weights[i] - most)
+        total += weights[i]
+    for i in range(weights.size):
+        weights[i] /= total
     return float(math.log(total) + most)
 
 

@@ -221,15 +221,20 @@ def _gains(linear: _Linear, rounding: float) -> tuple[Floats, Floats]:
     """(n, d) what an error corrects, and (n,) its variance; by them every particle is filtered."""
     n, size = linear.load.shape
     gains, variances = np.empty((n, size)), np.empty(n)
-    covariance = linear.start
+    covariance, step = linear.start.copy(), np.empty((size, size))
     for k in range(n):
         column = covariance @ linear.sees
         variances[k] = linear.sees @ column + rounding
-        gains[k] = column / variances[k]
-        covariance = covariance - np.outer(column, column) / variances[k]
-        step = linear.step + np.outer(linear.enters, linear.load[k])
-        covariance = step @ covariance @ step.T + linear.added
-        covariance = 0.5 * (covariance + covariance.T)
+        for i in range(size):
+            gains[k, i] = column[i] / variances[k]
+            for j in range(size):
+                covariance[i, j] -= column[i] * column[j] / variances[k]
+                step[i, j] = linear.step[i, j] + linear.enters[i] * linear.load[k, j]
+        moved = step @ covariance @ step.T
+        for i in range(size):
+            for j in range(i + 1):
+                both = moved[i, j] + linear.added[i, j] + (moved[j, i] + linear.added[j, i])
+                covariance[i, j] = covariance[j, i] = 0.5 * both
     return gains, variances
 
 
@@ -285,11 +290,15 @@ def stems_at_rest(ways: Floats, force: float, uniforms: Floats) -> Floats:
 @compiled()
 def _weigh(weights: Floats, errors: Floats, variance: float) -> float:
     """Weigh by ``errors``; ln of what the weights added up to."""
-    logarithm = np.log(weights) - 0.5 * errors * errors / variance
-    most = logarithm.max()
-    weights[:] = np.exp(logarithm - most)
-    total = float(np.sum(weights))
-    weights /= total
+    most, total = -np.inf, 0.0
+    for i in range(weights.size):
+        weights[i] = np.log(weights[i]) - 0.5 * errors[i] * errors[i] / variance
+        most = max(most, weights[i])
+    for i in range(weights.size):
+        weights[i] = np.exp(weights[i] - most)
+        total += weights[i]
+    for i in range(weights.size):
+        weights[i] /= total
     return float(math.log(total) + most - 0.5 * math.log(2.0 * math.pi * variance))
 
 
@@ -307,14 +316,18 @@ def resample(
     little, and draw anew the breakaway levels that are not known yet, so that copies of a stem do
     not all slip at once. (particles,) the places that they were drawn from."""
     count, place, reached = weights.size, 0, weights[0]
-    chosen = np.empty(count, np.int64)
+    chosen, stood, known = np.empty(count, np.int64), stems.copy(), states.copy()
     for i in range(count):
         while reached < (i + offset) / count and place < count - 1:
             place += 1
             reached += weights[place]
         chosen[i] = place
-    stems[:], states[:] = stems[chosen], states[chosen]
+    # Numbers one by one, here and in what follows: whole arrays take seconds to compile.
     for i in range(count):
+        for j in range(stems.shape[1]):
+            stems[i, j] = stood[chosen[i], j]
+        for j in range(states.shape[1]):
+            states[i, j] = known[chosen[i], j]
         stem = stems[i]
         stem[4] = min(max(stem[4] * math.exp(_JITTER * normals[i]), sizes[0]), sizes[1])
         stem[5] *= math.exp(_JITTER * normals[count + i])

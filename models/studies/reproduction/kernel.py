@@ -40,7 +40,7 @@ def free_runs(
     reach, centre, share = scale
     units, lags = np.zeros((len(sizes), sizes.max())), np.zeros(5)
     for run in range(u.shape[1]):
-        out[:2, run] = y[:2, run]
+        out[0, run], out[1, run] = y[0, run], y[1, run]
         for t in range(2, u.shape[0]):
             _look_back(u, out, t, run, lags)
             for column in range(len(inputs)):
@@ -72,7 +72,7 @@ def jacobian(
     size, samples, lags = weights.shape[0], u.shape[0] - 2, np.zeros(5)
     answers = np.empty((u.shape[0], 1))
     for run in range(u.shape[1]):
-        answers[:2, 0] = y[:2, run]
+        answers[0, 0], answers[1, 0] = y[0, run], y[1, run]
         for t in range(2, u.shape[0]):
             row = out[run * samples + t - 2]
             _look_back(u[:, run : run + 1], answers, t, 0, lags)

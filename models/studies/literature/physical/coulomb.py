@@ -140,7 +140,8 @@ def air_lag(op: Floats, interval_s: float, lag_s: float, out: Floats) -> None:
     """
     out[0] = op[0]
     if lag_s <= 0.0:
-        out[:] = op
+        for k in range(1, op.size):
+            out[k] = op[k]
         return
     a = np.exp(-interval_s / lag_s)
     ramp = 1.0 - (1.0 - a) * lag_s / interval_s
