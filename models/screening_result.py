@@ -16,7 +16,7 @@ from stemwatch.models.record_checks.data_quality import DataQuality
 from stemwatch.models.recording import Floats, Provenance, Recording, Role
 from stemwatch.models.signals.position_histograms import PositionHistograms
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
-from stemwatch.models.verdict import Shape, Verdict
+from stemwatch.models.verdict import NoVerdict, Shape, Verdict
 from stemwatch.models.without_position.suspicion import WithoutPosition
 
 
@@ -114,6 +114,7 @@ class Screening:
     residuals: Mapping[str, Residual | None]  # "stiction", "narx", "baseline"
     quality: DataQuality
     indicators: Mapping[str, Indicator]
+    no_verdict: NoVerdict | None = None  # why it is undetermined
     still_seen: tuple[str, ...] = ()  # facts that hold without a verdict, one sentence each
     network: NarxNetwork | None = None
     baseline_note: str = ""  # which baseline the comparison refers to, or that there is none

@@ -20,7 +20,7 @@ from stemwatch.models.stickslip.change_of_stiction import ChangeOfStiction
 from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit
 from stemwatch.models.stickslip.speed_limits import shown_speed_limits
 from stemwatch.models.stickslip.stored_range import StoredRange
-from stemwatch.models.verdict import Shape, Verdict
+from stemwatch.models.verdict import NoVerdict, Shape, Verdict
 
 # J/S at which one shape ends and the next begins (Choudhury 2005 names them at 0, 1 exactly).
 DEADBAND_BELOW = 0.1
@@ -120,6 +120,7 @@ class Decision:
     shape: Shape | None = None
     severity: float = 0.0
     confidence: float | None = None
+    no_verdict: NoVerdict | None = None  # why it is undetermined
     numbers_hold: bool = True  # False where S and J do not describe the valve and must not be shown
 
 
@@ -142,6 +143,7 @@ def undetermined(obstacles: tuple[Obstacle, ...]) -> Decision:
         reason=f"Cannot tell: {first.reason}{and_more}.",
         advice=first.remedy,
         severity=15.0,
+        no_verdict=NoVerdict.of(first.slug),
     )
 
 
@@ -210,11 +212,14 @@ def _sticky(evidence: DecisionEvidence, limits: Limits) -> Decision:
 def _not_described(unexplained: str, sampling: str) -> Decision:
     """No verdict where S and J do not describe the valve; ``sampling`` names slow sampling."""
     if sampling:
-        return _cannot_tell(f"{unexplained}: {sampling}", FASTER, numbers_hold=False)
+        return _cannot_tell(
+            f"{unexplained}: {sampling}", FASTER, NoVerdict.SLOW_SAMPLING, numbers_hold=False
+        )
     return _cannot_tell(
         f"{unexplained}, so S and J would mean nothing",
         "Something else moves this stem (positioner, actuator, air supply, the reading "
         "itself): look at the residual plots, and do a stroke test with small steps.",
+        NoVerdict.FRICTION_DOES_NOT_EXPLAIN,
         numbers_hold=False,
     )
 
@@ -234,6 +239,7 @@ def _large_S(evidence: DecisionEvidence, limits: Limits, *, friction: bool) -> D
         f"{would_fit} a slow actuator without friction fits as well",
         "Step OP by 1 % and then by 5 %: a slow actuator follows both, a sticking stem only "
         "the larger one.",
+        NoVerdict.SLOW_ACTUATOR,
     )
 
 
@@ -399,7 +405,7 @@ def _moved_otherwise(evidence: DecisionEvidence, limits: Limits) -> Decision | N
         return _pulses(evidence.pulses)
     not_followed = _not_followed(evidence, limits)
     if not_followed is not None:
-        return _cannot_tell(not_followed, STEPPED, numbers_hold=False)
+        return _cannot_tell(not_followed, STEPPED, NoVerdict.NOT_FOLLOWED, numbers_hold=False)
     return None
 
 
@@ -412,6 +418,7 @@ def _hunts(swings: OwnSwing, unit_s: float) -> Decision:
         "Set the loop to manual, hold OP and watch the stem itself. If it swings on, lower the "
         "positioner's gain and integral action or tune it anew, then check its air supply and the "
         "packing; if the stem rests, look at the bracket of the position transmitter.",
+        NoVerdict.POSITION_SWINGS,
         numbers_hold=False,
     )
 
@@ -426,6 +433,7 @@ def _pulses(pulses: Pulses) -> Decision:
         "Set the loop to manual, hold OP and watch the stem itself. If it moves, check the "
         "positioner's feedback arm and its tuning, its pilot and the air supply; if the stem rests "
         "while the reading moves, look at the position transmitter.",
+        NoVerdict.POSITION_SWINGS,
         numbers_hold=False,
     )
 
@@ -443,16 +451,24 @@ def _changed_within(changed: ChangeOfStiction, unit_s: float) -> Decision:
         f"{period(changed.at_s, unit_s)} and about {_percent(changed.after)} after that, as by a "
         "repair or a packing that was tightened",
         "Screen both parts of the recording by themselves; what holds now is the later one.",
+        NoVerdict.S_CHANGED,
         numbers_hold=False,
     )
 
 
-def _cannot_tell(reason: str, advice: str, *, numbers_hold: bool = True) -> Decision:
+def _cannot_tell(
+    reason: str,
+    advice: str,
+    no_verdict: NoVerdict = NoVerdict.S_UNCERTAIN,
+    *,
+    numbers_hold: bool = True,
+) -> Decision:
     return Decision(
         verdict=Verdict.UNDETERMINED,
         reason=f"Cannot tell: {reason}.",
         advice=advice,
         severity=20.0,
+        no_verdict=no_verdict,
         numbers_hold=numbers_hold,
     )
 

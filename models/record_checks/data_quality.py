@@ -17,6 +17,6 @@ class DataQuality:
 class Obstacle:
     """Why there can be no verdict, and what would make one possible; a sentence each."""
 
-    slug: str
+    slug: str  # a value of ``NoVerdict``
     reason: str
     remedy: str

@@ -47,7 +47,6 @@ TURNED_AT_THE_END = 0.05
 # Obstacles of an OP that moved too little to show a sticking stem, with or without a position.
 OP_AT_REST = ("op_still", "manual", "few_reversals")
 COARSEST_PERCENT = 3.0  # steps of a position, twice the S of a sticky valve
-SUMS_OP = "the position moves as fast as OP says"
 MAP_POSITION = "Map the tag of the stem position (ZT, POS, positioner feedback)."
 STUCK_REMEDY = "Look at the valve: a stroke test tells a stuck stem from a dead transmitter."
 UNIT_REMEDY = "Give its values at 0 % and 100 % (low, high) so that it can be read as percent."
@@ -181,8 +180,8 @@ def foreign_obstacles(recording: Recording) -> list[Obstacle]:
         return [
             Obstacle(
                 "position_sums_op",
-                f"{SUMS_OP}, wherever it is: OP is a speed, a force or the pulses of an electric "
-                "actuator, and not the position that the valve is told",
+                "the position moves as fast as OP says, wherever it is: OP is a speed, a force or "
+                "the pulses of an electric actuator, and not the position that the valve is told",
                 "See that OP is what this valve is told: map the position that its positioner or "
                 "drive is given.",
             )

@@ -72,7 +72,7 @@ from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import make_problem
 from stemwatch.models.stickslip.stored_range import in_percent, range_of_both, range_of_op
 from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve, in_travel
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.verdict import NoVerdict, Verdict
 from stemwatch.models.without_position.suspicion import (
     suspect,
     too_little_moved,
@@ -170,6 +170,7 @@ def failed(valve: str, reason: str, advice: str, provenance: Provenance) -> Scre
         residuals={"stiction": None, "narx": None, "baseline": None},
         quality=DataQuality(grade="D", reasons=(reason,)),
         indicators={},
+        no_verdict=NoVerdict.NOT_READ,
         provenance=provenance,
     )
 
@@ -179,7 +180,9 @@ def _crashed(case: Case, error: Exception) -> Screening:
     advice = "Report this with the recording; the other valves are not affected."
     recording = case.recording
     return replace(
-        failed(recording.valve, reason, advice, recording.provenance), recording=recording
+        failed(recording.valve, reason, advice, recording.provenance),
+        no_verdict=NoVerdict.BROKE_DOWN,
+        recording=recording,
     )
 
 
@@ -406,6 +409,7 @@ def _screening(
         shape=judgement.shape,
         severity=judgement.severity,
         confidence=judgement.confidence,
+        no_verdict=judgement.no_verdict,
         S=S,
         J=J,
         residuals=residuals,

@@ -210,7 +210,7 @@ def undetermined_lines(
             screening
             for screening in screenings
             if screening.verdict is not Verdict.UNDETERMINED
-            or obstacle_kind(screening.reason) == NO_POSITION
+            or obstacle_kind(screening.no_verdict) == NO_POSITION
         ],
         groups,
     )

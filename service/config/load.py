@@ -286,9 +286,10 @@ def _report_orphans(reading: PlantReading) -> None:
     """One problem for each wrong source, instead of one for each of its valves."""
     for source, valves in reading.orphans.items():
         valve_list = ", ".join(valves[:5]) + (", ..." if len(valves) > 5 else "")
+        left_out = "its valve is" if len(valves) == 1 else f"its {len(valves)} valves are"
         problem = reading.source_places[source].problem(
             (),
-            f"a source that is wrong, so its {len(valves)} valves are left out ({valve_list})",
+            f"a source that is wrong, so {left_out} left out ({valve_list})",
             "the mistakes in this source to be corrected",
         )
         reading.problems.append(problem)

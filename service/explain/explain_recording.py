@@ -16,17 +16,24 @@ from stemwatch.connectors.connector import ConnectorError
 from stemwatch.models.decision.decide import MORE
 from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
-from stemwatch.models.record_checks.validity_checks import SUMS_OP
 from stemwatch.models.recording import Recording
+from stemwatch.models.verdict import NoVerdict
 from stemwatch.service.explain.requested_recordings import RecordingToExplain
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.wording import signals_read
-from stemwatch.service.presenter.work_decision import BAD, FROZEN, obstacle_kind
 from stemwatch.service.run.task import recording_of
 
 if TYPE_CHECKING:
     from stemwatch.models.screening_result import Screening
     from stemwatch.models.stickslip.stroke_curve import KnownCurve
+
+# Where the position tells nothing of the stem, and so nothing of what S and J leave out.
+HIDES_THE_STEM = (
+    NoVerdict.POSITION_FROZEN,
+    NoVerdict.POSITION_STILL,
+    NoVerdict.POSITION_SUMS_OP,
+    NoVerdict.BAD_SAMPLES,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,10 +210,10 @@ def _without_verdict(screening: Screening, mismatch: Mismatch) -> Mismatch:
     position that is frozen, mostly missing, or really a commanded speed allows no finding. The
     finding that nothing was left out is allowed only behind a compressing archive.
     """
-    untold = obstacle_kind(screening.reason) in (FROZEN, BAD) or SUMS_OP in screening.reason
     compressed = any(effect.slug == "historian_compression" for effect in mismatch.record_effects)
     reason = _with_all_obstacles(screening)
     told = f"{reason} {screening.advice}"
+    untold = screening.no_verdict in HIDES_THE_STEM
     if untold or (mismatch.finding is Finding.NONE and not compressed):
         return Mismatch.unknown(told)
     if mismatch.finding is not Finding.NOT_TESTABLE:

@@ -14,7 +14,7 @@ from stemwatch.models.mismatch.findings import Finding, Mismatch
 from stemwatch.models.mismatch.open_question import OpenQuestion
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.presenter.work_decision import NO_POSITION, kinds_of
+from stemwatch.service.presenter.work_decision import NO_POSITION, obstacle_kind
 from stemwatch.service.store.screenings.restored import screening_of
 from stemwatch.service.store.store import Store
 
@@ -70,8 +70,8 @@ def plan_of_screening(
     plan = plan_of(
         screening.mismatch, limits, unfitted=screening.open_question, judged=judged, op=op
     )
-    kinds = kinds_of(screening.verdict, shape=None, reason=screening.reason, named=(), finding=None)
-    return _without_position(plan) if NO_POSITION in kinds else plan
+    blind = not judged and obstacle_kind(screening.no_verdict) == NO_POSITION
+    return _without_position(plan) if blind else plan
 
 
 def question_before(

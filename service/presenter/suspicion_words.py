@@ -10,7 +10,7 @@ from typing import Protocol
 
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import Screening
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.verdict import NoVerdict, Verdict
 from stemwatch.models.without_position.several_recordings import (
     not_borne_out,
     suspected_together,
@@ -90,6 +90,9 @@ class AnsweredLoop(Protocol):
 
     @property
     def advice(self) -> str: ...
+
+    @property
+    def no_verdict(self) -> NoVerdict | None: ...
 
     @property
     def without_position(self) -> WithoutPosition | None: ...
@@ -174,7 +177,8 @@ def _answer(screening: AnsweredLoop) -> WithoutPosition | None:
     answer = screening.without_position
     if answer is None or _signal_to_mend(screening):
         return None
-    if answer.verdict is Suspicion.CANNOT_TELL and obstacle_kind(screening.reason) != NO_POSITION:
+    blind = obstacle_kind(screening.no_verdict) == NO_POSITION
+    if answer.verdict is Suspicion.CANNOT_TELL and not blind:
         return replace(answer, reason=screening.reason, advice=screening.advice)
     return answer
 
@@ -182,7 +186,7 @@ def _answer(screening: AnsweredLoop) -> WithoutPosition | None:
 def _signal_to_mend(screening: AnsweredLoop) -> bool:
     """Whether there is a position that cannot be used, and OP and PV give nothing to do."""
     answer = screening.without_position
-    at_fault = obstacle_kind(screening.reason) in SIGNAL - {NO_POSITION}
+    at_fault = obstacle_kind(screening.no_verdict) in SIGNAL - {NO_POSITION}
     return at_fault and answer is not None and answer.verdict is Suspicion.NO_SIGN
 
 

@@ -18,9 +18,8 @@ from enum import StrEnum
 
 from stemwatch.models.mismatch.findings import Effect, Finding
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
-from stemwatch.models.record_checks.validity_checks import SUMS_OP
 from stemwatch.models.screening_result import PreviousFinding, Screening
-from stemwatch.models.verdict import Shape, Verdict
+from stemwatch.models.verdict import NoVerdict, Shape, Verdict
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
 from stemwatch.service.presenter.oscillation_words import is_moved_by_another
 from stemwatch.service.presenter.wording import finite
@@ -41,21 +40,20 @@ SIGNAL = frozenset({NO_POSITION, FROZEN, WRONG, BAD})
 MOVABLE = ((NO_POSITION,), (RECORDING,))
 WITHOUT_PAGE = frozenset({HEALTHY, RECORDING, WATCH})
 
-# Words by which the reason of an undetermined verdict is recognised: a stored screening keeps the
-# models' sentence and not the kind of obstacle. A test keeps both in step.
-SAID_OF = (
-    ("there is no valve position in this recording", NO_POSITION),
-    ("the position did not change by one digit", FROZEN),
-    ("the position shows nothing but its noise", FROZEN),
-    ("the position reading was frozen for", FROZEN),
-    ("repeats OP sample for sample", WRONG),
-    ("the position falls when OP rises", WRONG),
-    ("the position does not go with OP", WRONG),
-    (SUMS_OP, WRONG),
-    ("so OP and position cannot be compared", WRONG),
-    ("of the samples are missing or marked bad", BAD),
-    ("so S and J would mean nothing", UNEXPLAINED),
-)
+# Why there is no verdict, where that asks for work. Everything else only another recording mends.
+KIND_OF = {
+    NoVerdict.NO_POSITION: NO_POSITION,
+    NoVerdict.POSITION_FROZEN: FROZEN,
+    NoVerdict.POSITION_STILL: FROZEN,
+    NoVerdict.POSITION_IS_OP: WRONG,
+    NoVerdict.POSITION_REVERSED: WRONG,
+    NoVerdict.POSITION_UNRELATED: WRONG,
+    NoVerdict.POSITION_SUMS_OP: WRONG,
+    NoVerdict.OP_UNIT: WRONG,
+    NoVerdict.POSITION_UNIT: WRONG,
+    NoVerdict.BAD_SAMPLES: BAD,
+    NoVerdict.FRICTION_DOES_NOT_EXPLAIN: UNEXPLAINED,
+}
 
 # A stem that may be stuck fast ranks with the worst sticky ones until somebody has checked it.
 SEVERITY_OF = {FROZEN: 90.0, UNEXPLAINED: 45.0}
@@ -186,7 +184,7 @@ def decide(
     kinds = kinds_of(
         screening.verdict,
         shape=screening.shape,
-        reason=screening.reason,
+        no_verdict=screening.no_verdict,
         named=(*(effect.slug for effect in effects), *lasting),
         finding=None if mismatch is None else mismatch.finding,
     )
@@ -246,24 +244,23 @@ def confidence_in(verdict: Verdict, of_stem: float | None) -> float | None:
     return None if verdict is Verdict.DEFECTIVE else of_stem
 
 
-def obstacle_kind(reason: str) -> str:
-    """The kind of an undetermined verdict by its ``reason``; ``recording`` for all that no work
-    at the valve would mend."""
-    return next((kind for sentence_part, kind in SAID_OF if sentence_part in reason), RECORDING)
+def obstacle_kind(no_verdict: NoVerdict | None) -> str:
+    """The kind of an undetermined verdict; ``recording`` for all that no work at the valve would
+    mend, and where the reason is not known."""
+    return RECORDING if no_verdict is None else KIND_OF.get(no_verdict, RECORDING)
 
 
 def kinds_of(
     verdict: Verdict,
     *,
     shape: Shape | None,
-    reason: str,
+    no_verdict: NoVerdict | None,
     named: tuple[str, ...],
     finding: Finding | None,
 ) -> tuple[str, ...]:
     """Every kind that a screening holds, the one to act on first at the front.
 
-    ``named`` are the slugs of the effects that stand; ``reason`` matters for an undetermined
-    verdict alone.
+    ``named`` are the slugs of the effects that stand; ``no_verdict`` is why there is none.
     """
     unknown = (UNKNOWN,) if finding is Finding.UNKNOWN else ()
     if verdict is Verdict.STICKY:
@@ -273,7 +270,7 @@ def kinds_of(
     if verdict is Verdict.HEALTHY:
         # An unexplained difference on a stem that follows OP is no reason to inspect the valve.
         return named or (HEALTHY,)
-    first = obstacle_kind(reason)
+    first = obstacle_kind(no_verdict)
     return named or (first,) if first == RECORDING else (first, *named)
 
 

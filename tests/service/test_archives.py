@@ -259,7 +259,7 @@ def test_mistakes_in_an_archive_are_told_with_their_line(
     problems = "\n".join(str(problem) for problem in load_plant(plant).problems)
     assert answer in problems
     assert "plant.toml, line" in problems
-    assert "its 1 valves are left out (FIC-104)" in problems
+    assert "its valve is left out (FIC-104)" in problems
 
 
 def test_a_plant_without_archives_keeps_its_digest(plant: Path) -> None:

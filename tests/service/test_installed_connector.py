@@ -170,7 +170,7 @@ def test_its_settings_are_checked_as_ours_are(packages: Path, plant: Path) -> No
     )
     assert unknown.startswith("plant.toml, line 4: sources[archive].pat: found an unknown key")
     assert unknown.endswith("zone (did you mean 'path'?)")
-    assert "1 valves are left out (FIC-104)" in left_out
+    assert "its valve is left out (FIC-104)" in left_out
 
 
 def test_a_kind_that_nobody_brings_is_said_with_the_nearest(plant: Path) -> None:

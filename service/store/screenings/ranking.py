@@ -19,7 +19,7 @@ from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.recording import PERCENT
 from stemwatch.models.screening_result import PreviousFinding
-from stemwatch.models.verdict import WORST_FIRST, Shape, Verdict
+from stemwatch.models.verdict import WORST_FIRST, NoVerdict, Shape, Verdict
 from stemwatch.models.without_position.suspicion import WithoutPosition
 from stemwatch.service.presenter.plant_path import (
     LEVELS,
@@ -46,7 +46,7 @@ from stemwatch.service.presenter.work_decision import (
 )
 from stemwatch.service.store.screenings.named_effects import standing_columns, standing_defects
 from stemwatch.service.store.screenings.previous import read_previous_of
-from stemwatch.service.store.screenings.rows import without_position_of
+from stemwatch.service.store.screenings.rows import no_verdict_of, without_position_of
 from stemwatch.service.store.screenings.screenings import latest_screening_id
 from stemwatch.service.store.screenings.tables import ScreeningRow, ValveRow
 
@@ -101,6 +101,7 @@ class LoopWithoutVerdict:
     verdict: Verdict
     reason: str
     advice: str
+    no_verdict: NoVerdict
     without_position: WithoutPosition | None
 
 
@@ -186,8 +187,8 @@ def _conditions(ranking_filter: RankingFilter) -> list[ColumnElement[bool]]:
 def _deciding() -> tuple[Any, ...]:
     """The columns from which state of work and order are decided.
 
-    Long columns are read only where needed: the remark where an effect was named, the reason where
-    there is no verdict.
+    Long columns are read only where needed: the remark where an effect was named, what OP and PV
+    alone say where there is no verdict.
     """
     undetermined = ScreeningRow.verdict == Verdict.UNDETERMINED.value
     return (
@@ -202,7 +203,7 @@ def _deciding() -> tuple[Any, ...]:
         ScreeningRow.mismatch_finding.label("finding"),
         ScreeningRow.mismatch_slugs,
         *standing_columns(),
-        case((undetermined, ScreeningRow.reason)).label("why"),
+        ScreeningRow.no_verdict,
         case((undetermined, ScreeningRow.without_position)).label("suspicion"),
     )
 
@@ -230,7 +231,7 @@ def _decided(row: Any, groups: Sequence[OscillationGroup] = ()) -> WorkDecision 
     kinds = kinds_of(
         verdict,
         shape=None if row.shape is None else Shape(row.shape),
-        reason=row.why or "",
+        no_verdict=no_verdict_of(row),
         named=named,
         finding=None if row.finding is None else Finding(row.finding),
     )
@@ -381,7 +382,13 @@ def read_worst(session: Session, run_id: int, limit: int) -> list[str]:
 
 def read_without_verdict(session: Session) -> list[LoopWithoutVerdict]:
     """The valves whose latest screening has no verdict and says what OP and PV alone tell."""
-    told = (ScreeningRow.reason, ScreeningRow.advice, ScreeningRow.without_position)
+    told = (
+        ScreeningRow.verdict,
+        ScreeningRow.no_verdict,
+        ScreeningRow.reason,
+        ScreeningRow.advice,
+        ScreeningRow.without_position,
+    )
     statement = _joined(ValveRow.id, *told).where(
         ScreeningRow.verdict == Verdict.UNDETERMINED.value
     )
@@ -391,6 +398,7 @@ def read_without_verdict(session: Session) -> list[LoopWithoutVerdict]:
             verdict=Verdict.UNDETERMINED,
             reason=row.reason,
             advice=row.advice,
+            no_verdict=no_verdict_of(row) or NoVerdict.UNKNOWN,
             without_position=without_position_of(row.without_position),
         )
         for row in session.execute(statement)

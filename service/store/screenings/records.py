@@ -18,7 +18,7 @@ from stemwatch.models.recording import Provenance
 from stemwatch.models.screening_result import Indicator, Residual
 from stemwatch.models.signals.position_histograms import PositionHistograms
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
-from stemwatch.models.verdict import Shape, Verdict
+from stemwatch.models.verdict import NoVerdict, Shape, Verdict
 from stemwatch.models.without_position.suspicion import WithoutPosition
 from stemwatch.service.presenter.plant_path import HasPath, PlantPath, levels_of
 
@@ -164,6 +164,7 @@ class StoredScreening:
     software_version: str
     settings_digest: str
     seconds: float
+    no_verdict: NoVerdict | None = None
     baseline_id: int | None = None
     without_position: WithoutPosition | None = None
     histograms: PositionHistograms | None = None

@@ -43,6 +43,7 @@ def screening_of(
         shape=stored.shape,
         severity=stored.severity,
         confidence=stored.confidence,
+        no_verdict=stored.no_verdict,
         S=stored.S,
         J=stored.J,
         residuals=stored.residuals,

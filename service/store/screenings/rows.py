@@ -13,7 +13,7 @@ from stemwatch.models.record_checks.data_quality import DataQuality
 from stemwatch.models.recording import PERCENT, Provenance
 from stemwatch.models.screening_result import Residual, Screening
 from stemwatch.models.signals.position_histograms import PositionHistograms
-from stemwatch.models.verdict import Shape, Verdict
+from stemwatch.models.verdict import NoVerdict, Shape, Verdict
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
 from stemwatch.service.store.screenings.evidence_json import evidence_json
 from stemwatch.service.store.screenings.mismatch_json import (
@@ -56,6 +56,7 @@ def screening_columns(screening: Screening, now: datetime) -> dict[str, Any]:
         "window_end": end,
         "at": end or now,
         "verdict": Verdict(screening.verdict).value,
+        "no_verdict": None if screening.no_verdict is None else screening.no_verdict.value,
         "reason": screening.reason,
         "advice": screening.advice,
         "shape": None if screening.shape is None else Shape(screening.shape).value,
@@ -106,6 +107,7 @@ def stored_screening(row: ScreeningRow, *, with_mismatch: bool = True) -> Stored
         row,
         window=(row.window_start, row.window_end),
         verdict=Verdict(row.verdict),
+        no_verdict=no_verdict_of(row),
         shape=None if row.shape is None else Shape(row.shape),
         S=_estimate(row.s_percent, row.s_low_percent, row.s_high_percent, row.s_reason),
         J=_estimate(row.j_percent, row.j_low_percent, row.j_high_percent, row.j_reason),
@@ -120,6 +122,12 @@ def stored_screening(row: ScreeningRow, *, with_mismatch: bool = True) -> Stored
         held_back=remark_of(row.mismatch) if with_mismatch else "",
         confirmed=confirmed_of(row.evidence),
     )
+
+
+def no_verdict_of(row: Any) -> NoVerdict | None:
+    """Why a row with these columns is undetermined; ``None`` where it has a verdict."""
+    undetermined = row.verdict == Verdict.UNDETERMINED.value
+    return NoVerdict.of(row.no_verdict) if undetermined else None
 
 
 def _histograms(stored: Any) -> PositionHistograms | None:

@@ -89,6 +89,7 @@ class ScreeningRow(TableBase):
     window_end: Mapped[datetime | None]
     at: Mapped[datetime]
     verdict: Mapped[str]
+    no_verdict: Mapped[str | None]  # why it is undetermined: ``models.verdict.NoVerdict``
     reason: Mapped[str]
     advice: Mapped[str]
     shape: Mapped[str | None]

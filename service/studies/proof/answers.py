@@ -16,9 +16,14 @@ from pathlib import Path
 from typing import Any
 
 from stemwatch.service.executors import Executor, map_items
-from stemwatch.service.presenter.work_decision import FROZEN, obstacle_kind
 
 NOTHING = "nothing named"
+# By which a refusal is known, since the JSON of ``stemwatch explain`` has the sentence alone.
+FROZEN_WORDS = (
+    "the position did not change by one digit",
+    "the position shows nothing but its noise",
+    "the position reading was frozen for",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +85,8 @@ def read_answer(stored: Mapping[str, Any]) -> BlindAnswer:
         heldout, stiction = stored["heldout"] or {}, stored["stiction"] or {}
         reason = _no_s(stiction.get("naive"))
         # A refusal because the position was frozen has found that effect of the record.
-        refused_for = ("frozen_signal",) if obstacle_kind(reason) == FROZEN else ()
+        frozen = any(words in reason for words in FROZEN_WORDS)
+        refused_for = ("frozen_signal",) if frozen else ()
         return BlindAnswer(
             file=Path(stored["recording"]).name,
             verdict=str(stored["verdict"]),

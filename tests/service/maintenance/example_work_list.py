@@ -6,7 +6,7 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 from stemwatch.models.screening_result import PreviousFinding, Screening
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.verdict import NoVerdict, Verdict
 from stemwatch.service.maintenance import ValveHistory
 from stemwatch.service.presenter.advice import catalogue
 from stemwatch.service.report import ReportContext, ValveFacts
@@ -22,7 +22,9 @@ def frozen(valve: str = "PIC-7") -> Screening:
     """A valve whose position stands still, without samples."""
     reason = "Cannot tell: the position did not change by one digit while OP moved over 9 %."
     blind = screening(valve, Verdict.UNDETERMINED, samples=60)
-    return replace(blind, reason=reason, still_seen=()).without_samples()
+    return replace(
+        blind, reason=reason, no_verdict=NoVerdict.POSITION_FROZEN, still_seen=()
+    ).without_samples()
 
 
 def with_effects(valve: str = "FIC-9", verdict: Verdict = Verdict.WATCH) -> Screening:

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stemwatch.models.screening_result import PreviousFinding
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.verdict import NoVerdict, Verdict
 from stemwatch.service.maintenance.first_seen import first_seen, sentence, work_sentence
 from stemwatch.service.maintenance.valve_history import LOOK_BACK
 from stemwatch.service.maintenance.work_sheet import (
@@ -57,8 +57,13 @@ def test_worse_is_never_less_urgent(severities, criticality):
 
 def test_a_stem_that_may_be_stuck_fast_stands_beside_the_worst_sticky_ones():
     """The screening ranks it low because it could measure nothing; somebody has to look."""
-    why = "Cannot tell: the position did not change by one digit while OP moved."
-    blind = replace(BASE, verdict=Verdict.UNDETERMINED, severity=15.0, shape=None, reason=why)
+    blind = replace(
+        BASE,
+        verdict=Verdict.UNDETERMINED,
+        no_verdict=NoVerdict.POSITION_FROZEN,
+        severity=15.0,
+        shape=None,
+    )
     decided = decide(blind, stands=None)
     assert decided.kinds == (k.FROZEN,)
     assert [code(decided.severity, criticality=item) for item in "321"] == [1, 2, 3]

@@ -21,7 +21,7 @@ import pytest
 from stemwatch.models.limits import Limits
 from stemwatch.models.oscillation_groups.plant_groups import GroupMember, OscillationGroup
 from stemwatch.models.screening_result import Screening
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.verdict import NoVerdict, Verdict
 from stemwatch.service.cli import screening_views as views
 from stemwatch.service.maintenance.maintenance_html import work_list_html
 from stemwatch.service.maintenance.pdf import work_list_pdf
@@ -70,7 +70,13 @@ def on_day(found: Screening, day: int) -> Screening:
 def last_run() -> list[Screening]:
     """Sticky, rising towards its limit, defective, named by chance, and without a position."""
     blind = screening("PIC-5", Verdict.UNDETERMINED)
-    blind = replace(blind, reason=NO_POSITION, without_position=suspected(), still_seen=())
+    blind = replace(
+        blind,
+        reason=NO_POSITION,
+        no_verdict=NoVerdict.NO_POSITION,
+        without_position=suspected(),
+        still_seen=(),
+    )
     victim = replace(screening("FIC-7", Verdict.HEALTHY, S=0.3), advice=OWN_TUNING)
     every = [
         screening("FIC-1", S=6.0),

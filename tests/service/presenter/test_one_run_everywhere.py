@@ -25,7 +25,7 @@ from rich.text import Text
 from stemwatch.models.recording import Provenance
 from stemwatch.models.screening.screen import failed
 from stemwatch.models.screening_result import Screening
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.verdict import NoVerdict, Verdict
 from stemwatch.service.alerts.digest import message_of
 from stemwatch.service.alerts.evaluate import gathered
 from stemwatch.service.alerts.rules import apply_rules
@@ -62,17 +62,17 @@ NO_POSITION = (
     "no verdict."
 )
 BAD = "Cannot tell: 62 % of the samples are missing or marked bad."
-IN_MM = (
-    "Cannot tell: ZT8 is in mm, not in percent of travel, so OP and position cannot be compared."
-)
+IN_MM = "Cannot tell: ZT8 is in mm, so OP and position cannot be compared."
 SHORT = "Cannot tell: the recording is too short: 90 usable samples in 1.5 minutes."
 SLOW = "Cannot tell: the archive stores the position every 300 s, too seldom to see how it moves."
+SLUGS = {NO_POSITION: "no_position", BAD: "bad_samples", IN_MM: "position_unit"}
 
 
 def blind(valve: str, reason: str) -> Screening:
     """A valve that cannot be judged."""
     result = screening(valve, Verdict.UNDETERMINED, samples=60)
-    return replace(result, reason=reason, still_seen=(), severity=15.0)
+    why = NoVerdict.of(SLUGS.get(reason))
+    return replace(result, reason=reason, no_verdict=why, still_seen=(), severity=15.0)
 
 
 def by_chance(valve: str) -> Screening:

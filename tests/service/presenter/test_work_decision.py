@@ -13,7 +13,7 @@ from stemwatch.models.record_checks.quality import assess
 from stemwatch.models.record_checks.validity_checks import reversed_obstacles
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening_result import Screening
-from stemwatch.models.verdict import Shape, Verdict
+from stemwatch.models.verdict import NoVerdict, Shape, Verdict
 from stemwatch.service.presenter import work_decision as k
 from stemwatch.service.presenter.finding import present
 from stemwatch.service.presenter.work_counts import count_valves
@@ -53,17 +53,32 @@ HALF_FROZEN = np.where(T > 1200, MV[1200], MV)
     ],
     ids=["none", "op", "foreign", "mm", "constant", "noise", "frozen", "bad", "short"],
 )
-def test_an_obstacle_is_known_by_the_sentence_that_the_models_give_it(made, kind):
-    """A stored screening has the sentence only; a new wording there must not lose the kind."""
+def test_an_obstacle_is_known_by_its_slug(made, kind):
+    """What the models find in the way of a verdict says where to look."""
     obstacles = assess(made, Limits()).obstacles
     assert obstacles
-    assert k.obstacle_kind(f"Cannot tell: {obstacles[0].reason}.") == kind
+    assert k.obstacle_kind(NoVerdict.of(obstacles[0].slug)) == kind
 
 
 def test_a_position_against_op_that_no_curve_follows_is_the_wrong_one():
-    """The sentence is the models' own here too, where only a fit could find it."""
+    """It is told by its slug here too, where only a fit could find it."""
     (result,) = reversed_obstacles(recording(100.0 - MV))
-    assert k.obstacle_kind(f"Cannot tell: {result.reason}.") == k.WRONG
+    assert k.obstacle_kind(NoVerdict.of(result.slug)) == k.WRONG
+
+
+def test_no_word_of_a_sentence_decides():
+    """Another wording, or one of another language, asks for the same work."""
+    blind = sticky(
+        verdict=Verdict.UNDETERMINED,
+        shape=None,
+        no_verdict=NoVerdict.POSITION_FROZEN,
+        reason="Fest",
+    )
+    assert k.decide(blind, stands=None).kinds == (k.FROZEN,)
+    worded = replace(blind, reason="The stem may be stuck.")
+    assert k.decide(worded, stands=None).kinds == (k.FROZEN,)
+    worded = replace(blind, no_verdict=None, reason="the position did not change by one digit")
+    assert k.decide(worded, stands=None).kinds == (k.RECORDING,)
 
 
 def sticky(**changes) -> Screening:
@@ -151,8 +166,8 @@ def test_a_departure_from_the_baseline_is_to_be_watched_and_gets_a_page():
 def test_what_cannot_be_judged_is_no_work_but_a_dead_transmitter_gets_an_order():
     """Of the undetermined only those that somebody can mend at the valve."""
     blind = sticky(verdict=Verdict.UNDETERMINED, shape=None, severity=15.0)
-    short = replace(blind, reason="Cannot tell: the recording is too short.")
-    dead = replace(blind, reason="Cannot tell: the position did not change by one digit while OP")
+    short = replace(blind, no_verdict=NoVerdict.TOO_SHORT)
+    dead = replace(blind, no_verdict=NoVerdict.POSITION_FROZEN)
     decided = k.decide(dead, stands=None)
     assert k.decide(short, stands=None).state is decided.state is k.WorkState.NOT_JUDGED
     assert not k.decide(short, stands=None).has_order
@@ -165,7 +180,7 @@ def test_what_cannot_be_judged_is_no_work_but_a_dead_transmitter_gets_an_order()
 def test_the_severity_is_the_same_wherever_it_is_shown():
     """A stem that may be stuck fast stands beside the worst, whatever could be measured of it."""
     blind = sticky(verdict=Verdict.UNDETERMINED, shape=None, severity=15.0)
-    dead = replace(blind, reason="Cannot tell: the position did not change by one digit while OP")
+    dead = replace(blind, no_verdict=NoVerdict.POSITION_FROZEN)
     assert k.decide(dead, stands=None).severity == k.SEVERITY_OF[k.FROZEN]
     assert k.decide(blind, stands=None).severity == 15.0
     slow = sticky(verdict=Verdict.HEALTHY, severity=3.0, mismatch=named())

@@ -11,7 +11,7 @@ import pytest
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.oscillation_groups.plant_groups import GroupMember, OscillationGroup
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.verdict import NoVerdict, Verdict
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
 from stemwatch.service.maintenance.work_list import work_list_of
 from stemwatch.service.presenter import oscillation_words as said
@@ -98,7 +98,7 @@ def test_a_loop_without_position_that_another_moves_makes_no_order(
     )
     screening = replace(
         make_screening(valve="TIC-2", verdict=Verdict.UNDETERMINED),
-        reason="Cannot tell: there is no valve position in this recording.",
+        no_verdict=NoVerdict.NO_POSITION,
         advice="Record the position.",
         without_position=suspicion,
     )

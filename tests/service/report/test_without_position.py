@@ -10,7 +10,7 @@ import numpy as np
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Role
 from stemwatch.models.screening_result import Screening
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.verdict import NoVerdict, Verdict
 from stemwatch.models.without_position.picture import ElementTraces
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
 from stemwatch.service.cli import screening_views as views
@@ -69,6 +69,7 @@ def without_mv(make_screening, valve: str, answer: WithoutPosition) -> Screening
     return replace(
         make_screening(valve, Verdict.UNDETERMINED),
         reason="Cannot tell: there is no valve position in this recording.",
+        no_verdict=NoVerdict.NO_POSITION,
         without_position=answer,
     )
 

@@ -100,7 +100,7 @@ def test_copy_says_what_came_and_no_password(
 ) -> None:
     """Rows of each table are shown; the password of neither URL is."""
     lite, server = new_database("sqlite"), new_database("postgresql")
-    with database_at(lite, "0012"):
+    with database_at(lite, "0013"):
         pass
     monkeypatch.setenv("STEMWATCH_STORAGE_URL", lite)
     monkeypatch.setenv("STEMWATCH_COPY_TO", server)
@@ -117,7 +117,7 @@ def test_copy_says_what_came_and_no_password(
 def test_a_backup_crosses_over(stemwatch, new_database: NewDatabase, tmp_path: Path) -> None:
     """A site in PostgreSQL is backed up and restored into a file, with the same rows."""
     server, lite, file = new_database("postgresql"), new_database("sqlite"), tmp_path / "b.zip"
-    with database_at(server, "0012"):
+    with database_at(server, "0013"):
         pass
     assert stemwatch("db", "backup", file, "--db", server).status == 0
     assert stemwatch("db", "restore", file, "--db", lite).status == 0
@@ -129,7 +129,7 @@ def test_check_tells_a_sound_database_from_a_broken_one(
 ) -> None:
     """Orphans, numbers that are taken, and missing views are problems, each with what to do."""
     url = new_database("postgresql")
-    with database_at(url, "0012"):
+    with database_at(url, "0013"):
         pass
     sound = stemwatch("db", "check", "--db", url)
     assert sound.status == 0, sound.said
@@ -152,7 +152,7 @@ def test_check_tells_a_sound_database_from_a_broken_one(
 def test_check_speaks_of_partitions(new_database: NewDatabase) -> None:
     """How many days there are, strays, and a day that is not made yet."""
     url = new_database("postgresql")
-    with database_at(url, "0012", rows=False), open_store(url) as store:
+    with database_at(url, "0013", rows=False), open_store(url) as store:
         store.samples.prepare_days()
     now = datetime.now(UTC)
     health = checking.check(DatabaseUrl(url), now)

@@ -114,7 +114,7 @@ def test_a_newer_schema_is_refused(store: Store, store_url: str) -> None:
         connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
     engine.dispose()
     with pytest.raises(
-        StoreError, match=r"newer stemwatch \(schema 9999; .* up to 0012\)\. Install the newer"
+        StoreError, match=r"newer stemwatch \(schema 9999; .* up to 0013\)\. Install the newer"
     ):
         open_store(store_url)
 

@@ -56,9 +56,9 @@ def test_up_and_down_again_gives_every_value_back(store_url: str, revision: str)
 
 def test_down_and_up_again_keeps_what_the_older_schema_holds(store_url: str) -> None:
     """From the newest schema down and up: nothing is lost but the evidence of windows, what OP and
-    PV alone say, histograms, what is asked of a window, what people found, pictures, oscillations,
-    site, unit and loop of valves, and how many samples of a file were too old, which only it has;
-    views and the layout of samples come back."""
+    PV alone say, why there is no verdict, histograms, what is asked of a window, what people found,
+    pictures, oscillations, site, unit and loop of valves, and how many samples of a file were too
+    old, which only it has; views and the layout of samples come back."""
     with database_at(store_url, NEWEST) as engine:
         before = contents(engine)
         downgrade(engine, "0004")
@@ -70,6 +70,7 @@ def test_down_and_up_again_keeps_what_the_older_schema_holds(store_url: str) -> 
         "histograms",
         "open_question",
         "position_question",
+        "no_verdict",
     )
     for column in newer_columns:
         assert before["screenings"].pop(column) != after["screenings"].pop(column)
@@ -94,6 +95,29 @@ def test_a_file_whose_samples_were_too_old_may_come_again_after_the_upgrade(
         )
     with open_store(store_url) as store:
         assert [bool(file.too_old) for file in store.sources.files()].count(True) == 1
+
+
+@pytest.mark.parametrize(
+    ("sentence", "slug"),
+    [
+        ("Cannot tell: the position reading was frozen for 47 % of the time.", "position_frozen"),
+        ("Cannot tell: 62 % of the samples are missing or marked bad.", "bad_samples"),
+        ("Cannot tell: something else.", None),
+    ],
+    ids=["frozen", "bad", "other"],
+)
+def test_the_sentence_of_an_older_window_still_tells_why_there_is_no_verdict(
+    store_url: str, sentence: str, slug: str | None
+) -> None:
+    """Until schema 0013 only the sentence said it; where it does not tell, nothing is stored."""
+    with database_at(store_url, "0012") as engine:
+        with engine.begin() as connection:
+            connection.execute(
+                text("UPDATE screenings SET verdict = 'undetermined', reason = :sentence"),
+                {"sentence": sentence},
+            )
+        upgrade(engine, DatabaseUrl(store_url))
+        assert set(contents(engine)["screenings"]["no_verdict"]) == {repr(slug)}
 
 
 def test_each_table_of_the_newest_schema_has_rows(store_url: str) -> None:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from starlette.datastructures import QueryParams
 
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.verdict import NoVerdict, Verdict
 from stemwatch.service.presenter.wording import finite
 from stemwatch.service.report.bars import bar_top
 from stemwatch.service.report.ranking import rank_valves
@@ -44,10 +44,12 @@ def test_the_worst_valve_stands_first(filled):
 def test_order_and_severity_are_those_of_a_report(filled):
     """A stem that may be stuck fast stands where the report has it, also without S."""
     run = filled.begin_run(software_version="0.1")
-    frozen = "No verdict: the position reading was frozen for 40 min."
-    for valve, reason in (("STUCK-1", frozen), ("SHORT-1", "No verdict: the record is too short.")):
+    for valve, why in (
+        ("STUCK-1", NoVerdict.POSITION_FROZEN),
+        ("SHORT-1", NoVerdict.TOO_SHORT),
+    ):
         filled.save(
-            screening(valve, Verdict.UNDETERMINED, None, None, reason=reason, severity=0.0), run
+            screening(valve, Verdict.UNDETERMINED, None, None, no_verdict=why, severity=0.0), run
         )
     report = rank_valves(filled.latest_screenings(), ReportContext(started=NOW))
     lines = filled.ranking(RankingFilter()).lines
