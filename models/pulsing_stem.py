@@ -10,9 +10,9 @@ small S all the same, and nothing else is wrong. So with the residual ``r = MV -
 
 and two such moves after each other are a pulse: one out, one back. A move is larger than
 ``LEAST_PERCENT``, twice the fitted S, and five standard deviations of the reading's noise, as it is
-(less readings of a single sample) or averaged over ``AVERAGED`` samples. OP may have moved unseen by what its recorder
-leaves open. What is quicker than some samples is noise by this measure; its line in the spectrum is
-looked for in ``own_swing``.
+(less readings of a single sample) or averaged over ``AVERAGED`` samples. OP may have moved unseen
+by what its recorder leaves open. What is quicker than some samples is noise by this measure; its
+line in the spectrum is looked for in ``own_swing``.
 """
 
 from __future__ import annotations
