@@ -427,7 +427,7 @@ def _pulses(pulses: Pulses) -> Decision:
     """No verdict on a stem that goes out and comes back while its command rests."""
     return _cannot_tell(
         f"the position goes out and back by {_percent(pulses.percent)}, {pulses.count} times, "
-        "while OP rests or moves by less than half of that: the positioner hunts or leaks, its "
+        "while OP rests or moves slowly: the positioner hunts or leaks, its "
         "feedback arm is loose, something pushes the stem, or it is the transmitter's noise, so S "
         "and J would mean nothing",
         "Set the loop to manual, hold OP and watch the stem itself. If it moves, check the "

@@ -28,6 +28,9 @@ LEAST_REACHED = 0.12
 # Percent by which the middle of the converted position may lie off OP; and by how much more the
 # next best range must be off, so that the choice is clear.
 OFF_PERCENT, WORSE_PERCENT = 6.0, 4.0
+# Where the slope is right, the position's zero may be off by more: else the next range, whose slope
+# makes up for it, would be the only one.
+OFF_BY_ITS_ZERO, RIGHT_SLOPE = 12.0, 0.1
 SLOPE_PERCENT = 50.0  # penalty of a slope that is wrong by 100 %
 MOST_SWING = 1.3  # of the swing of OP, where no slope is known
 GOES_WITH = 0.5  # correlation
@@ -201,13 +204,14 @@ def _offset_from_op(recording: Recording, role: Role, stored: StoredRange) -> fl
         return None
     read = _converted(recording, role, stored)
     read = without_impossible_values(read)
-    if curve_suspected(read):
-        return None
     assert read.mv is not None
     both_usable = read.usable
     low, high = np.percentile((read.mv.values - read.op.values)[both_usable], (2.0, 98.0))
     offset, slope = abs(float(low + high)) / 2.0, slope_of_means(read)
-    if offset > OFF_PERCENT:
+    right = slope is not None and abs(slope - 1.0) <= RIGHT_SLOPE
+    if curve_suspected(read) and not right:
+        return None
+    if offset > (OFF_BY_ITS_ZERO if right else OFF_PERCENT):
         return None
     if slope is not None:
         steep = abs(slope - 1.0)

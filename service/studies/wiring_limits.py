@@ -138,7 +138,7 @@ def shown(way: str, rightly: bool, recording: Recording) -> WiringShown:
             "sticks_here": seen.at_most.S,
             "op_alone": seen.pv_answers.op_alone,
             "op_evident": seen.pv_answers.evident,
-            "another": min(others) / seen.as_mapped,
+            "another": min(others, default=np.inf) / seen.as_mapped,
             "far": seen.far_away.left / seen.nearest.left,
             "far_left": seen.far_away.left,
             "as_mapped": min(seen.nearest.left, seen.as_mapped),

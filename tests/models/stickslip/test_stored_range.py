@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stemwatch.models.first_order_lag import first_order_lag
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.models.stickslip.stored_range import in_percent, range_of_both, range_of_op
@@ -39,6 +40,20 @@ def test_a_range_in_use_is_read_as_such_and_said(recording, role, low, high):
     assert read.signals[role].values == pytest.approx(recording.signals[role].values, abs=1e-6)
     assert f"low = {low}, high = {high}." in read.provenance.decisions[-1]
     assert recording.signals[role].tag in read.provenance.decisions[-1]
+
+
+@pytest.mark.parametrize("off", [-8.0, 8.0])
+def test_a_position_whose_zero_is_off_does_not_choose_another_range(off):
+    """OP in 4 to 20 mA beside a position that reads 8 % too high or too low: it is not taken for
+    0 to 20 mA, nor for percent behind a curve."""
+    draw = np.random.default_rng(1)
+    load = first_order_lag(first_order_lag(draw.standard_normal(3000), 60.0), 20.0)
+    op = 50.0 + 5.0 * load / load.std()
+    mv = first_order_lag(op, 1.0) + 0.05 * draw.standard_normal(3000)
+    signals = {Role.OP: Signal.good(op, "OP"), Role.MV: Signal.good(mv + off, "MV")}
+    in_percent_both = Recording(valve="V", signals=signals, interval_s=1.0)
+    read = in_percent(stored(in_percent_both, Role.OP, 4, 20))
+    assert read.op.values == pytest.approx(op, abs=1e-6)
 
 
 def test_percent_stays_as_it_is(recording):
