@@ -53,6 +53,7 @@ KIND_OF = {
     NoVerdict.POSITION_UNIT: WRONG,
     NoVerdict.BAD_SAMPLES: BAD,
     NoVerdict.FRICTION_DOES_NOT_EXPLAIN: UNEXPLAINED,
+    NoVerdict.POSITION_SWINGS: UNEXPLAINED,
 }
 
 # A stem that may be stuck fast ranks with the worst sticky ones until somebody has checked it.
