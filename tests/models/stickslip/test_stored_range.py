@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stemwatch.models.first_order_lag import first_order_lag
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening.screen import Case, Options, screen
+from stemwatch.models.signals.first_order_lag import first_order_lag
 from stemwatch.models.stickslip.stored_range import in_percent, range_of_both, range_of_op
 from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
 from stemwatch.simulation import sticking_flow_loop

@@ -71,7 +71,7 @@ def numbers_go_on(url: str) -> None:
 def test_a_copy_has_every_value(new_database: NewDatabase, origin: str, target: str) -> None:
     """Each table comes over with every row and value, and the copy works on."""
     first, second = new_database(origin), new_database(target)
-    with database_at(first, "0012"):
+    with database_at(first, "0013"):
         result = copy(DatabaseUrl(first), DatabaseUrl(second))
     assert rows_of(first) == rows_of(second)
     assert {2} == {item.rows for item in result.values()}
@@ -84,7 +84,7 @@ def test_a_backup_is_restored_on_either_engine(
 ) -> None:
     """One form of file for both engines; only its owner may read it."""
     first, second, file = new_database(origin), new_database(target), tmp_path / "to" / "b.zip"
-    with database_at(first, "0012"):
+    with database_at(first, "0013"):
         written = backup(DatabaseUrl(first), file)
     assert stat.S_IMODE(file.stat().st_mode) == 0o600
     assert written == restore(file, DatabaseUrl(second))
@@ -117,7 +117,7 @@ def test_a_backup_of_an_older_schema_is_brought_up(
 def test_a_database_with_rows_is_left_alone(store_url: str, tmp_path: Path) -> None:
     """Restoring over a database in use is refused, with what is in it."""
     file = tmp_path / "b.zip"
-    with database_at(store_url, "0012"):
+    with database_at(store_url, "0013"):
         backup(DatabaseUrl(store_url), file)
         before = rows_of(store_url)
         with pytest.raises(StoreError, match=r"is not empty \(rows: .*valves 2.*nothing was"):
@@ -142,7 +142,7 @@ def test_a_changed_backup_is_refused_and_nothing_is_kept(
 ) -> None:
     """A row that was changed in the file shows in the digest; the database stays empty."""
     first, file, forged = new_database("sqlite"), tmp_path / "b.zip", tmp_path / "c.zip"
-    with database_at(first, "0012"):
+    with database_at(first, "0013"):
         backup(DatabaseUrl(first), file)
     with zipfile.ZipFile(file) as good, zipfile.ZipFile(forged, "w") as bad:
         manifest = json.loads(good.read("manifest.json"))
@@ -158,7 +158,7 @@ def test_a_changed_backup_is_refused_and_nothing_is_kept(
 def test_a_file_that_is_cut_short_is_named(new_database: NewDatabase, tmp_path: Path) -> None:
     """Half a file, a missing file and any other zip are told from a backup."""
     first, file, target = new_database("sqlite"), tmp_path / "b.zip", DatabaseUrl("sqlite://")
-    with database_at(first, "0012"):
+    with database_at(first, "0013"):
         backup(DatabaseUrl(first), file)
     half = tmp_path / "half.zip"
     half.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
@@ -176,7 +176,7 @@ def test_a_file_that_is_cut_short_is_named(new_database: NewDatabase, tmp_path: 
 def test_a_newer_backup_is_refused(new_database: NewDatabase, tmp_path: Path) -> None:
     """A backup of a schema that this program does not know asks for the newer program."""
     first, file = new_database("sqlite"), tmp_path / "b.zip"
-    with database_at(first, "0012") as engine:
+    with database_at(first, "0013") as engine:
         with engine.begin() as connection:
             connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
         backup(DatabaseUrl(first), file)
@@ -193,7 +193,7 @@ def test_backups_overwrite_nothing_and_need_a_database(
         backup(DatabaseUrl(first), file)
     assert not Path(first.removeprefix("sqlite:///")).exists()
     file.write_text("mine")
-    with database_at(first, "0012"), pytest.raises(StoreError, match="there is a file already"):
+    with database_at(first, "0013"), pytest.raises(StoreError, match="there is a file already"):
         backup(DatabaseUrl(first), file)
     assert file.read_text() == "mine"
     with pytest.raises(StoreError, match="is the database itself"):
@@ -205,7 +205,7 @@ def test_a_backup_holds_one_instant(new_database: NewDatabase, engine: str, tmp_
     """What is written while a backup is being read is not in it, not even in part."""
     url = new_database(engine)
     with (
-        database_at(url, "0012") as theirs,
+        database_at(url, "0013") as theirs,
         one_instant(theirs, DatabaseUrl(url)) as connection,
         open_store(url) as store,
     ):

@@ -121,7 +121,7 @@ def test_a_sample_is_shown_with_its_instant_and_its_reason(
     new_database: Callable[[str], str], engine: str, shown: str
 ) -> None:
     """Microseconds become a time in the form that the database's other times have."""
-    with database_at(new_database(engine), "0012") as created, created.connect() as connection:
+    with database_at(new_database(engine), "0013") as created, created.connect() as connection:
         if engine == "postgresql":
             connection.execute(text("SET TIME ZONE 'UTC'"))
         rows = connection.execute(
