@@ -78,23 +78,18 @@ demo: $(VENV)/can-run ## Simulate the demonstration plant, screen it, and write 
 live: $(VENV)/can-run ## The live demo: a plant whose valve wears, the service, and its mails; Ctrl-C ends it
 	@$(BIN)/stemwatch demo --live --out $(LIVE)
 
-# $(call checked,marker): style, types, imports and the tests with this marker. Types are checked beside the tests, many
-# of which wait, and give way to them. Before the tests, kernels that are not compiled yet are, and all tests are read
-# once: test processes that begin together would each do it.
-define checked
+# Types are checked beside the tests, many of which wait, and give way to them. Before the tests, kernels that are not
+# compiled yet are, and all tests are read once: test processes that begin together would each do it.
+test: $(VENV)/can-test ## All checks and the tests that a change needs; sets up what they need
 	$(STYLE)
 	@echo 'Running the tests, and beside them checking types and which package may import which ...'
 	@{ nice $(RULES) && nice $(TYPES); } > $(VENV)/types.txt 2>&1 || { cat $(VENV)/types.txt; false; } & types=$$!; \
-	$(BIN)/python tests/prepare.py && { $(PYTEST) -m '$(1)'$(call alone,$(1)); }; tests=$$?; \
+	$(BIN)/python tests/prepare.py && { $(PYTEST) -m 'not long'$(call alone,not long); }; tests=$$?; \
 	wait $$types || { echo 'Types or imports are wrong, see above; make check says it again.'; exit 1; }; exit $$tests
-endef
 
-test: $(VENV)/can-test ## All checks and the tests that a change needs; sets up what they need
-	$(call checked,not long)
-
-# In one go: all tests are read once by each process, and those that wait leave their core to shorter ones.
-test-all: $(VENV)/can-test ## The same with the long tests too: stories, hours of faults, statistical studies
-	$(call checked,)
+test-all: test ## The same, and then the long tests: stories, hours of faults, statistical studies
+	@echo 'Running the long tests ...'
+	@$(PYTEST) -m long$(call alone,long)
 
 explore: $(VENV)/can-test ## Property tests with new random draws for SECONDS=600, or again with SEED=...
 	@$(BIN)/python tests/explore.py --seconds $(SECONDS) $(if $(SEED),--seed $(SEED)) -n $(WORKERS)
