@@ -29,8 +29,8 @@ LEAST_REACHED = 0.12
 # next best range must be off, so that the choice is clear.
 OFF_PERCENT, WORSE_PERCENT = 6.0, 4.0
 # Where the slope is right, the position's zero may be off by more: else the next range, whose slope
-# makes up for it, would be the only one. That is seldom, so such an offset counts more: the slope of
-# a sticking valve reads too low, and then the next range has the right one.
+# makes up for it, would be the only one. That is seldom, so such an offset counts more: the slope
+# of a sticking valve reads too low, and then the next range has the right one.
 OFF_BY_ITS_ZERO, RIGHT_SLOPE, SELDOM = 12.0, 0.1, 1.5
 SLOPE_PERCENT = 50.0  # penalty of a slope that is wrong by 100 %
 MOST_SWING = 1.3  # of the swing of OP, where no slope is known
