@@ -186,15 +186,14 @@ def test_a_staircase_without_a_jump_is_not_surely_said_to_jump(
 
 def test_no_wave_begins_in_a_loop_whose_output_stands_at_its_limit(screened: Screened) -> None:
     """One valve of a rig is stepped by hand, and four loops measure the same flow. The speed loop,
-    whose OP takes another value once in half an hour, shows the purest wave and is not its source:
-    the hand is none of these loops."""
+    whose OP takes another value once in half an hour, shows the purest wave and was once named as
+    its source at over 99 %. Nine cycles do not tell such a wave from chance: no group is claimed.
+    """
     outcome, valves = screened("uolab/*400B*Opening.csv")
     assert outcome.status == 0
     groups = {valve["valve"]: valve["oscillates_with"] for valve in valves}
-    (group,) = groups["FSC-400A"]
-    assert {"FSC-400A", "FIC-400B"} <= set(group["loops"])
-    assert group["source"] != "FSC-400A"
-    assert group["outside_probability"] > 0.9
+    assert {"FSC-400A", "FIC-400B"} <= groups.keys()
+    assert groups["FSC-400A"] == []
 
 
 def test_a_recording_of_25_seconds_is_judged_by_its_samples(screened: Screened) -> None:
