@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from stemwatch.models.recording import Floats
 from stemwatch.models.signals.excitation import ranges, reversals
-from stemwatch.models.signals.forensics import repeat_share
+from stemwatch.models.signals.forensics import medians_of_three, repeat_share
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.fit import StickSlipFit
 
@@ -116,5 +116,5 @@ def _hidden_by_recorder(op: Floats) -> float:
 def _without_single_samples(values: Floats) -> Floats:
     """``values`` (n,) with each the median of itself and its neighbours."""
     middle = np.array(values)
-    middle[1:-1] = np.median(np.stack((values[:-2], values[1:-1], values[2:])), axis=0)
+    middle[1:-1] = medians_of_three(values)
     return middle

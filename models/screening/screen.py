@@ -13,8 +13,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from stemwatch.models.closed_loop.fitted_loop import FittedValve, fit_loop
 from stemwatch.models.closed_loop.what_if import REPAIRED, predict
 from stemwatch.models.decision import residual
@@ -34,7 +32,6 @@ from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.mismatch.record_effects import late_effect, scan_sentence
 from stemwatch.models.mismatch.rivals import on_site
-from stemwatch.models.narx.architecture import StickSlipStart
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.preparation.fit_window import (
@@ -52,11 +49,11 @@ from stemwatch.models.record_checks.quality import Assessment, assess, with_obst
 from stemwatch.models.record_checks.record_facts import facts_without_verdict
 from stemwatch.models.record_checks.validity_checks import OP_AT_REST
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
+from stemwatch.models.screening.networks import network_start, train_each
 from stemwatch.models.screening.prepared_command import prepare_command
 from stemwatch.models.screening_result import Indicator, Residual, Screening, Traces
 from stemwatch.models.signals.oscillation import signal_oscillation
 from stemwatch.models.signals.position_histograms import position_histograms
-from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.change_of_stiction import ChangeOfStiction, change_of_stiction
 from stemwatch.models.stickslip.events import SlipEvents
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
@@ -68,7 +65,6 @@ from stemwatch.models.stickslip.interval import (
     way_in_a_sample,
 )
 from stemwatch.models.stickslip.op_within_steps import WITHIN_STEPS
-from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import make_problem
 from stemwatch.models.stickslip.stored_range import in_percent, range_of_both, range_of_op
 from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve, in_travel
@@ -265,49 +261,10 @@ def _train(fitted: Sequence[_Fitted | Screening], options: Options) -> list[Narx
         for _, fit, valve in ready
     ]
     for (index, _, valve), fit in zip(
-        ready, _trained(examples, options.narx_settings), strict=True
+        ready, train_each(examples, options.narx_settings), strict=True
     ):
         trained[index] = fit.in_seconds(valve.recording.unit_s)
     return trained
-
-
-def _trained(examples: Sequence[NarxExample], settings: NarxSettings) -> list[NarxFit]:
-    """All fits together; where that fails, each alone, so that a bad record loses only its own."""
-    from stemwatch.models.narx.training import train  # torch takes two seconds to import
-
-    try:
-        return train(examples, settings)
-    except Exception as error:  # one valve must not end a plant's run
-        if len(examples) > 1:
-            return [fit for example in examples for fit in _trained([example], settings)]
-        reason = f"the training broke down ({type(error).__name__}: {error})"
-        return [NarxFit(valve=examples[0].valve, reason=reason)]
-
-
-def network_start(fit: StickSlipFit, curve: StrokeCurve | None) -> StickSlipStart | None:
-    """The element as it was fitted to the training part, for the network to start from.
-
-    The network gets OP as it was recorded, so that it can be compared with one of another window;
-    it starts from the chord of ``curve`` and learns the curvature.
-    """
-    q = to_kernel(fit.trained, fit.evaluator.restick)[0]
-    if q[kernel.GAIN] == 0.0:
-        return None
-    names = ("dead_time_s", "lag_up_s", "lag_down_s")
-    actuator = {name: float(q[row]) for row, name in enumerate(names, start=kernel.DEAD_TIME_S)}
-    actuator["slow_up_s_per_percent"] = float(1.0 / q[kernel.RATE_UP])
-    actuator["slow_down_s_per_percent"] = float(1.0 / q[kernel.RATE_DOWN])
-    slope, shift = (1.0, 0.0) if curve is None else (curve.slope, curve.zero)
-    for name in ("slow_up_s_per_percent", "slow_down_s_per_percent"):
-        actuator[name] *= abs(slope)
-    return StickSlipStart(
-        S=float(q[kernel.S]) / abs(slope),
-        J=float(q[kernel.J]) / abs(slope),
-        zero=float(q[kernel.ZERO]) + float(q[kernel.GAIN]) * shift,
-        gain=float(q[kernel.GAIN]) * slope,
-        actuator=actuator,
-        goes_on=bool(np.isfinite(q[kernel.RESTICK])),
-    )
 
 
 def _conclude_or_reason(fitted: _Fitted, network: NarxFit | None, options: Options) -> Screening:

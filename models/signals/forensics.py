@@ -53,6 +53,13 @@ MANY_CHANGES = 100  # from which on it does so however long it rests between the
 LEAST_SIZES = 5  # of the changes of a position, that are no slips of one size
 
 
+def medians_of_three(values: Floats) -> Floats:
+    """(n - 2,) each of ``values`` (n,) but the first and last as the median of itself and its
+    neighbours, so that a single wrong reading is gone.
+    """
+    return np.asarray(np.median(np.stack((values[:-2], values[1:-1], values[2:])), axis=0))
+
+
 def quiet_sigma(values: Floats, window: int = 30, share: float = 0.2) -> float:
     """``noise_sigma`` over the quieter windows, for a stem that moves nearly all the time.
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Bools, Floats
-from stemwatch.models.signals.forensics import noise_sigma
+from stemwatch.models.signals.forensics import medians_of_three, noise_sigma
 from stemwatch.models.stickslip.problem import FitProblem
 
 BAND = (2.0, 98.0)  # percentiles of MV - OP
@@ -82,7 +82,7 @@ def _long(ends: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
 
 def _path_length(values: Floats) -> float:
     """The range of the medians of three ``values`` each, less the largest step between them."""
-    middle = np.median(np.stack((values[:-2], values[1:-1], values[2:])), axis=0)
+    middle = medians_of_three(values)
     return float(np.ptp(middle) - np.abs(np.diff(middle)).max())
 
 

@@ -38,7 +38,7 @@ from stemwatch.models.narx.example import NarxExample, NarxSettings
 from stemwatch.models.narx.training import train
 from stemwatch.models.record_checks.quality import assess
 from stemwatch.models.recording import Floats
-from stemwatch.models.screening.screen import network_start
+from stemwatch.models.screening.networks import network_start
 from stemwatch.models.stickslip.fit import fit_stickslip
 from stemwatch.models.studies.simulator import draw_healthy, draw_sticky, simulate_loop
 from stemwatch.models.studies.simulator.loop import ManualSpan, PlantLoop

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,27 +20,17 @@ from stemwatch.models.narx.training import train
 from stemwatch.models.recording import Provenance, Recording, Role, Signal
 from stemwatch.models.screening.screen import Case, Options, _lag_is_doubtful, failed, screen
 from stemwatch.models.screening_result import Screening
-from stemwatch.models.studies.simulator import Actuator, PlantLoop, SimulatedValve, simulate_loop
+from stemwatch.models.studies.simulator import PlantLoop, SimulatedValve, simulate_loop
 from stemwatch.models.studies.simulator.loop import Load, LoadKind
 from stemwatch.models.verdict import Verdict
 from stemwatch.models.without_position.suspicion import Suspicion, suspect, trained_judge
+from tests.models.half_an_hour import half_an_hour
 
 QUICK = Options(narx=False)
 
 
-@cache
 def plant(S=5.0, J=2.0, lag_s=0.1, dead_time_s=0.0, seed=1) -> Recording:
-    """Half an hour of a flow loop under load, with three set-point steps."""
-    actuator = Actuator(air_lag_s=lag_s, dead_time_s=dead_time_s)
-    return simulate_loop(
-        PlantLoop(
-            valve=SimulatedValve(S=S, J=J, actuator=actuator),
-            setpoints=((10.0, 51.3), (400.0, 55.0), (800.0, 47.0), (1200.0, 52.0)),
-            loads=(Load(kind=LoadKind.COLOURED, size=1.0, time_s=20.0),),
-            duration_s=1800.0,
-        ),
-        seed,
-    ).recording
+    return half_an_hour(S, J, lag_s, dead_time_s, seed).recording
 
 
 def network_of(recording: Recording) -> NarxNetwork:

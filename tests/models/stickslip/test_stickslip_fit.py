@@ -14,14 +14,10 @@ from stemwatch.models.stickslip.fit import Advantage, advantage, fit_stickslip
 from stemwatch.models.stickslip.interval import bootstrap, interval
 from stemwatch.models.stickslip.problem import make_problem, scored_samples
 from stemwatch.models.studies.simulator import (
-    Actuator,
-    PlantLoop,
-    SimulatedLoop,
-    SimulatedValve,
     simulate_loop,
 )
 from stemwatch.models.studies.simulator.draws import draw_sticky
-from stemwatch.models.studies.simulator.loop import Load, LoadKind
+from tests.models.half_an_hour import half_an_hour
 
 SHAPES = {"deadband": (5.0, 0.0), "undershoot": (5.0, 2.0), "no offset": (4.0, 4.0)}
 SHAPES["overshoot"] = (3.0, 3.6)
@@ -29,25 +25,8 @@ ACTUATORS = [(0.1, 0.0), (0.5, 1.0), (2.0, 0.0), (2.0, 1.0)]  # lag s, dead time
 
 
 @cache
-def simulated(
-    S: float, J: float, lag_s: float = 0.1, dead_time_s: float = 0.0, seed: int = 1
-) -> SimulatedLoop:
-    """Half an hour of a flow loop under load, with three set-point steps."""
-    actuator = Actuator(air_lag_s=lag_s, dead_time_s=dead_time_s)
-    return simulate_loop(
-        PlantLoop(
-            valve=SimulatedValve(S=S, J=J, actuator=actuator),
-            setpoints=((10.0, 51.3), (400.0, 55.0), (800.0, 47.0), (1200.0, 52.0)),
-            loads=(Load(kind=LoadKind.COLOURED, size=1.0, time_s=20.0),),
-            duration_s=1800.0,
-        ),
-        seed,
-    )
-
-
-@cache
 def fitted(S: float, J: float, lag_s: float = 0.1, dead_time_s: float = 0.0):
-    return fit_stickslip(simulated(S, J, lag_s, dead_time_s).recording)
+    return fit_stickslip(half_an_hour(S, J, lag_s, dead_time_s).recording)
 
 
 def recorded(op, mv, interval_s=1.0) -> Recording:
@@ -216,7 +195,7 @@ def test_no_actuator_is_seen_where_there_is_none():
 
 def test_same_recording_same_result():
     """Fit and interval are deterministic to the last bit."""
-    recording = simulated(5.0, 2.0).recording
+    recording = half_an_hour(5.0, 2.0).recording
     first, second = fit_stickslip(recording), fit_stickslip(recording)
     np.testing.assert_array_equal(first.candidate, second.candidate)
     np.testing.assert_array_equal(bootstrap(first).S, bootstrap(second).S)
@@ -226,7 +205,7 @@ def test_same_recording_same_result():
 @pytest.mark.parametrize("shape", ["undershoot", "no offset"])
 def test_halved_signals_halve_S_and_J(shape):
     """OP and MV scaled by a half about 50 % give half of S and of J."""
-    recording = simulated(*SHAPES[shape]).recording
+    recording = half_an_hour(*SHAPES[shape]).recording
     op, mv = (50.0 + 0.5 * (recording.signals[r].values - 50.0) for r in (Role.OP, Role.MV))
     complete, half = fitted(*SHAPES[shape]), fit_stickslip(recorded(op, mv))
     assert abs(half.S - 0.5 * complete.S) < 0.02 * complete.S
@@ -235,7 +214,7 @@ def test_halved_signals_halve_S_and_J(shape):
 
 def test_zero_error_of_the_position_is_no_friction():
     """A position that reads 2 % high changes the reading's zero, and neither S nor J."""
-    recording = simulated(5.0, 2.0).recording
+    recording = half_an_hour(5.0, 2.0).recording
     high = fit_stickslip(recorded(recording.op.values, recording.signals[Role.MV].values + 2.0))
     plain = fitted(5.0, 2.0)
     assert abs(high.S - plain.S) < 0.1
@@ -245,7 +224,7 @@ def test_zero_error_of_the_position_is_no_friction():
 
 def test_holes_and_gaps_leave_S_and_J():
     """A tenth of the samples missing, singly and in gaps, moves S and J by little."""
-    recording = simulated(5.0, 2.0).recording
+    recording = half_an_hour(5.0, 2.0).recording
     op, mv = recording.op.values.copy(), recording.signals[Role.MV].values.copy()
     rng = np.random.default_rng(4)
     op[rng.random(op.size) < 0.03] = np.nan
@@ -259,14 +238,14 @@ def test_holes_and_gaps_leave_S_and_J():
 @pytest.mark.parametrize("step", [0.25, 1.0])
 def test_coarse_command_keeps_S(step):
     """OP recorded coarsely leaves S within one of its steps."""
-    recording = simulated(5.0, 2.0).recording
+    recording = half_an_hour(5.0, 2.0).recording
     op = np.round(recording.op.values / step) * step
     assert abs(fit_stickslip(recorded(op, recording.signals[Role.MV].values)).S - 5.0) < step
 
 
 def test_heldout_part_was_not_fitted():
     """What comes after the first held-out sample does not change the model that judges it."""
-    recording = simulated(5.0, 2.0).recording
+    recording = half_an_hour(5.0, 2.0).recording
     fit = fitted(5.0, 2.0)
     mv = recording.signals[Role.MV].values.copy()
     mv[fit.first_heldout :] = mv[fit.first_heldout :][::-1]
