@@ -66,6 +66,14 @@ def test_a_position_against_op_that_no_curve_follows_is_the_wrong_one():
     assert k.obstacle_kind(NoVerdict.of(result.slug)) == k.WRONG
 
 
+def test_a_stem_that_moves_by_itself_is_looked_at():
+    """It hunts or pulses, or friction does not explain it: each asks for a look at the valve, and a
+    recording that is only uncertain for another recording."""
+    for reason in (NoVerdict.POSITION_SWINGS, NoVerdict.FRICTION_DOES_NOT_EXPLAIN):
+        assert k.obstacle_kind(reason) == k.UNEXPLAINED
+    assert k.obstacle_kind(NoVerdict.S_UNCERTAIN) == k.RECORDING
+
+
 def test_no_word_of_a_sentence_decides():
     """Another wording, or one of another language, asks for the same work."""
     blind = sticky(
