@@ -3,8 +3,8 @@
     OP --curve--> command --dead time--> lag --> ringing --> speed limit --> air supply --> force
        --stick-slip--> stem --play--> position
 
-It is the fitted chain. Where effects were named, it is ``mismatch.kernel`` behind the terms that
-shape the command, with the stored numbers of that fit and the published S and J; else
+It is the fitted chain. Where effects were named, it is ``mismatch.stem_model.kernel`` behind the
+terms that shape the command, with the stored numbers of that fit and the published S and J; else
 ``stickslip.kernel`` with S, J and the actuator of the quick fit, whose lag and speed limit are one
 device. Every parameter has a neutral value, which switches its effect off.
 """
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stemwatch.models.health_indicators.response_figures import OF_FIT
-from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import evaluator as base_coordinate
 from stemwatch.models.mismatch.open_question import SLOW, OpenQuestion
 from stemwatch.models.mismatch.terms.bowed_linkage import TO_HEIGHT
 from stemwatch.models.preparation.own_clock import seconds_of

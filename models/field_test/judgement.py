@@ -17,7 +17,7 @@ import numpy as np
 
 from stemwatch.models.field_test.programme import RESOLUTION
 from stemwatch.models.field_test.rival_runs import RivalFit, RivalRuns
-from stemwatch.models.mismatch.flow import as_position
+from stemwatch.models.mismatch.measurement.flow import as_position
 from stemwatch.models.mismatch.open_question import SLOW, OpenQuestion, RivalModel
 from stemwatch.models.preparation.own_clock import on_own_clock
 from stemwatch.models.recording import PERCENT, Floats, Recording

@@ -3,7 +3,7 @@
 A model is run freely to predict a response. To judge a response the model is refitted to it, within
 the uncertainty that the recording left in its parameters, by the loss with which it was named:
 breakaways are assimilated and charged for their distance from the level (see
-``mismatch.evaluator``).
+``mismatch.fit.evaluator``).
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest
-from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch import stem as stem_number
-from stemwatch.models.mismatch.base_fit import base_bounds
-from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.evaluator import (
+from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit.base_fit import base_bounds
+from stemwatch.models.mismatch.fit.batched_search import conclude
+from stemwatch.models.mismatch.fit.evaluator import (
     CoordinateLayout,
     Evaluator,
     TermSet,
     make_evaluator,
 )
-from stemwatch.models.mismatch.least_squares import descend
+from stemwatch.models.mismatch.fit.least_squares import descend
 from stemwatch.models.mismatch.open_question import SLOW, OpenQuestion, RivalModel
-from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.stem_model import stem as stem_number
+from stemwatch.models.mismatch.stem_model.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Words
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.terms._common import StemTerm

@@ -14,29 +14,24 @@ from types import MappingProxyType
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch.acceptance_limits import (
-    chance,
-)
-from stemwatch.models.mismatch.accepted_hypothesis import (
+from stemwatch.models.mismatch.acceptance.accepted_hypothesis import (
     DELAY,
     STRAIGHT_LINE,
     AcceptedHypothesis,
     accepted_hypothesis,
 )
-from stemwatch.models.mismatch.base_fit import (
-    fit_naive,
-    naive_evaluator,
-    naive_layout,
+from stemwatch.models.mismatch.acceptance.held_out import HeldOutComparison
+from stemwatch.models.mismatch.acceptance.last_checks import checked
+from stemwatch.models.mismatch.acceptance.nothing_left_out import doubt, missed_breakaways
+from stemwatch.models.mismatch.acceptance.rivals import left_open, on_site
+from stemwatch.models.mismatch.acceptance_limits import (
+    chance,
 )
-from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.between_samples import Archive, find_archive, stands_for_friction
-from stemwatch.models.mismatch.describe_effect import (
+from stemwatch.models.mismatch.evidence.describe_effect import (
     in_order_of_work,
     residual_map,
     sentence_of,
 )
-from stemwatch.models.mismatch.evaluator import DRIVE, Evaluator
 from stemwatch.models.mismatch.findings import (
     Effect,
     Finding,
@@ -46,18 +41,22 @@ from stemwatch.models.mismatch.findings import (
     Stiction,
     Untestable,
 )
-from stemwatch.models.mismatch.flow import as_position
-from stemwatch.models.mismatch.held_out import HeldOutComparison
-from stemwatch.models.mismatch.last_checks import checked
-from stemwatch.models.mismatch.nothing_left_out import doubt, missed_breakaways
-from stemwatch.models.mismatch.prepared_recording import (
-    PreparedRecording,
-    prepare,
-    problem_of,
-    why_not,
+from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit.base_fit import (
+    fit_naive,
+    naive_evaluator,
+    naive_layout,
 )
-from stemwatch.models.mismatch.reading_errors import STICKS_AGAIN
-from stemwatch.models.mismatch.record_effects import (
+from stemwatch.models.mismatch.fit.batched_search import conclude
+from stemwatch.models.mismatch.fit.evaluator import DRIVE, Evaluator
+from stemwatch.models.mismatch.fit.uncertainty import draws
+from stemwatch.models.mismatch.measurement.between_samples import (
+    Archive,
+    find_archive,
+    stands_for_friction,
+)
+from stemwatch.models.mismatch.measurement.flow import as_position
+from stemwatch.models.mismatch.measurement.record_effects import (
     MeasuredRecord,
     late_effect,
     measured_record,
@@ -65,9 +64,25 @@ from stemwatch.models.mismatch.record_effects import (
     uneven_readings_effect,
     with_steps_resolved,
 )
+from stemwatch.models.mismatch.measurement.refreshes import AtRefreshes, at_refreshes
+from stemwatch.models.mismatch.measurement.uneven_readings import (
+    UnevenReadings,
+    find_uneven_readings,
+)
+from stemwatch.models.mismatch.measurement.vibration import (
+    find_vibration,
+    vibration_effect,
+    without_vibration,
+)
+from stemwatch.models.mismatch.prepared_recording import (
+    PreparedRecording,
+    prepare,
+    problem_of,
+    why_not,
+)
 from stemwatch.models.mismatch.refined_curve import refined
-from stemwatch.models.mismatch.refreshes import AtRefreshes, at_refreshes
-from stemwatch.models.mismatch.rivals import left_open, on_site
+from stemwatch.models.mismatch.search.reading_errors import STICKS_AGAIN
+from stemwatch.models.mismatch.search.tried_effects import scores_of, what_was_tried
 from stemwatch.models.mismatch.stiction import (
     holding_no_jump,
     jump_within_a_step,
@@ -78,10 +93,6 @@ from stemwatch.models.mismatch.stiction import (
 from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.terms.dead_time import about_a_sample
-from stemwatch.models.mismatch.tried_effects import scores_of, what_was_tried
-from stemwatch.models.mismatch.uncertainty import draws
-from stemwatch.models.mismatch.uneven_readings import UnevenReadings, find_uneven_readings
-from stemwatch.models.mismatch.vibration import find_vibration, vibration_effect, without_vibration
 from stemwatch.models.preparation.own_clock import duration, on_own_clock
 from stemwatch.models.record_checks.frozen import without_frozen
 from stemwatch.models.recording import PERCENT, Floats, Recording

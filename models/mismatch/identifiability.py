@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.mismatch.conditioning import moving_stem, rests
+from stemwatch.models.mismatch.evidence.conditioning import moving_stem, rests
 from stemwatch.models.preparation.own_clock import duration, is_of_seconds, long_time, rate
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.signals.excitation import Jumps, jumps_from_rest, reversals, swing

@@ -9,19 +9,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stemwatch.models.mismatch.base_fit import (
+from stemwatch.models.mismatch.fit.base_fit import (
     BaseFit,
     fit_base,
 )
-from stemwatch.models.mismatch.between_samples import MAY_BE_REPORTS
-from stemwatch.models.mismatch.breakaway_levels import DWELL, LEAST_SIZE
-from stemwatch.models.mismatch.compression import noise_behind_door
-from stemwatch.models.mismatch.drive import NOT_RESOLVED
-from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
-from stemwatch.models.mismatch.force_balance import ForceBalance, force_balance
 from stemwatch.models.mismatch.identifiability import NO_POSITION, untestable_effects
-from stemwatch.models.mismatch.reading_errors import STICKS_AGAIN
-from stemwatch.models.mismatch.record_effects import MeasuredRecord
+from stemwatch.models.mismatch.measurement.between_samples import MAY_BE_REPORTS
+from stemwatch.models.mismatch.measurement.compression import noise_behind_door
+from stemwatch.models.mismatch.measurement.record_effects import MeasuredRecord
+from stemwatch.models.mismatch.search.breakaway_levels import DWELL, LEAST_SIZE
+from stemwatch.models.mismatch.search.drive import NOT_RESOLVED
+from stemwatch.models.mismatch.search.drive import TERMS as OF_A_DRIVE
+from stemwatch.models.mismatch.search.force_balance import ForceBalance, force_balance
+from stemwatch.models.mismatch.search.reading_errors import STICKS_AGAIN
 from stemwatch.models.mismatch.term import RecordingSummary, Term
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Floats, Recording

@@ -15,11 +15,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from stemwatch.models.mismatch.base_fit import BaseFit, fit_base
-from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.crossfit import folds, gain, scored
+from stemwatch.models.mismatch.fit.base_fit import BaseFit, fit_base
+from stemwatch.models.mismatch.fit.batched_search import conclude
+from stemwatch.models.mismatch.fit.crossfit import folds, gain, scored
+from stemwatch.models.mismatch.measurement.record_effects import measured_record
 from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
-from stemwatch.models.mismatch.record_effects import measured_record
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.stickslip.find_stroke_curve import (
     DEGREES,

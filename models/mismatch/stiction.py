@@ -14,14 +14,14 @@ from dataclasses import replace
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch.crossfit import Fitted, gain
-from stemwatch.models.mismatch.delay import delayed
-from stemwatch.models.mismatch.evaluator import Evaluator
 from stemwatch.models.mismatch.findings import Stiction
-from stemwatch.models.mismatch.force_balance import ForceBalance
-from stemwatch.models.mismatch.reading_errors import without_error
-from stemwatch.models.mismatch.uncertainty import estimate
+from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit.crossfit import Fitted, gain
+from stemwatch.models.mismatch.fit.evaluator import Evaluator
+from stemwatch.models.mismatch.fit.uncertainty import estimate
+from stemwatch.models.mismatch.search.force_balance import ForceBalance
+from stemwatch.models.mismatch.search.reading_errors import without_error
+from stemwatch.models.mismatch.stem_model.delay import delayed
 from stemwatch.models.recording import PERCENT, Floats
 from stemwatch.models.signals.op_in_steps import set_in_steps
 from stemwatch.models.stickslip.breakaways import LEAST_J, Breakaways, breakaways

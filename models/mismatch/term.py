@@ -20,7 +20,7 @@ from typing import Protocol
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest
-from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.stem_model.stem import Stem
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 

@@ -27,11 +27,11 @@ from stemwatch.models.decision.decide import (
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.health_indicators import indicators
 from stemwatch.models.limits import Limits
-from stemwatch.models.mismatch.between_samples import Archive, as_sampled
+from stemwatch.models.mismatch.acceptance.rivals import on_site
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
-from stemwatch.models.mismatch.record_effects import late_effect, scan_sentence
-from stemwatch.models.mismatch.rivals import on_site
+from stemwatch.models.mismatch.measurement.between_samples import Archive, as_sampled
+from stemwatch.models.mismatch.measurement.record_effects import late_effect, scan_sentence
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.preparation.fit_window import (

@@ -21,8 +21,8 @@ from functools import partial
 
 import numpy as np
 
-from stemwatch.models.mismatch import between_samples
-from stemwatch.models.mismatch.between_samples import (
+from stemwatch.models.mismatch.measurement import between_samples
+from stemwatch.models.mismatch.measurement.between_samples import (
     Archive,
     SlipsAgainstFit,
     against_fit,

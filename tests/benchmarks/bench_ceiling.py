@@ -18,13 +18,14 @@ from itertools import product
 
 import numpy as np
 
-from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.acceptance.accepted_hypothesis import named_effects, of_the_valve
 from stemwatch.models.mismatch.acceptance_limits import NEAR, strength
-from stemwatch.models.mismatch.accepted_hypothesis import named_effects, of_the_valve
-from stemwatch.models.mismatch.base_fit import BaseFit
-from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.breakaway_levels import DWELL
-from stemwatch.models.mismatch.crossfit import (
+from stemwatch.models.mismatch.explain import explain
+from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit.base_fit import BaseFit
+from stemwatch.models.mismatch.fit.batched_search import conclude
+from stemwatch.models.mismatch.fit.crossfit import (
     CAREFUL,
     POLISH,
     FitEffort,
@@ -34,11 +35,21 @@ from stemwatch.models.mismatch.crossfit import (
     gain,
     refit,
 )
-from stemwatch.models.mismatch.evaluator import CoordinateLayout
-from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.mismatch.findings import Mismatch
-from stemwatch.models.mismatch.likelihood import RELEASED, Likeliest, RecordLikelihood
-from stemwatch.models.mismatch.named_by_likelihood import (
+from stemwatch.models.mismatch.fit.evaluator import CoordinateLayout
+from stemwatch.models.mismatch.likelihood.maximum_likelihood import (
+    RELEASED,
+    Likeliest,
+    RecordLikelihood,
+)
+from stemwatch.models.mismatch.measurement.record_effects import measured_record
+from stemwatch.models.mismatch.prepared_recording import (
+    PreparedRecording,
+    admissible,
+    prepare,
+    problem_of,
+)
+from stemwatch.models.mismatch.search.breakaway_levels import DWELL
+from stemwatch.models.mismatch.search.named_by_likelihood import (
     FEW_COURSES,
     _compared,
     _passes,
@@ -51,18 +62,16 @@ from stemwatch.models.mismatch.named_by_likelihood import (
     scatter_matters,
     scatters_most,
 )
-from stemwatch.models.mismatch.other_coordinates import without
-from stemwatch.models.mismatch.prepared_recording import (
-    PreparedRecording,
-    admissible,
-    prepare,
-    problem_of,
+from stemwatch.models.mismatch.search.other_coordinates import without
+from stemwatch.models.mismatch.search.reading_errors import (
+    COORDINATES,
+    LEAST_RESTICK,
+    RESTICK,
+    pinned,
 )
-from stemwatch.models.mismatch.reading_errors import COORDINATES, LEAST_RESTICK, RESTICK, pinned
-from stemwatch.models.mismatch.record_effects import measured_record
-from stemwatch.models.mismatch.sticking_by_likelihood import HARDER
+from stemwatch.models.mismatch.search.sticking_by_likelihood import HARDER
+from stemwatch.models.mismatch.search.term_selection import neutral
 from stemwatch.models.mismatch.term import ActsOn, Term
-from stemwatch.models.mismatch.term_selection import neutral
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.preparation.own_clock import on_own_clock
 from stemwatch.models.recording import Floats, Recording

@@ -18,8 +18,10 @@ from itertools import product
 import numpy as np
 
 from stemwatch.models.mismatch.acceptance_limits import RARELY_ACTS, strength
-from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.crossfit import (
+from stemwatch.models.mismatch.explain import explain
+from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.mismatch.fit.batched_search import conclude
+from stemwatch.models.mismatch.fit.crossfit import (
     CAREFUL,
     POLISH,
     Fitted,
@@ -30,26 +32,24 @@ from stemwatch.models.mismatch.crossfit import (
     refit,
     scored,
 )
-from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, TermSet
-from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.mismatch.findings import Mismatch
-from stemwatch.models.mismatch.likelihood import (
+from stemwatch.models.mismatch.fit.evaluator import CoordinateLayout, Evaluator, TermSet
+from stemwatch.models.mismatch.likelihood.maximum_likelihood import (
     OF_RECORD,
     Likeliest,
     LikelihoodEvidence,
     RecordLikelihood,
 )
-from stemwatch.models.mismatch.named_by_likelihood import (
+from stemwatch.models.mismatch.measurement.record_effects import measured_record
+from stemwatch.models.mismatch.prepared_recording import PreparedRecording, prepare, problem_of
+from stemwatch.models.mismatch.search.named_by_likelihood import (
     ALL_OVER,
     HARDER,
     evidence_of,
     leaves_something,
     points_at,
 )
-from stemwatch.models.mismatch.other_coordinates import carried_over, without
-from stemwatch.models.mismatch.prepared_recording import PreparedRecording, prepare, problem_of
-from stemwatch.models.mismatch.reading_errors import COORDINATES, pinned
-from stemwatch.models.mismatch.record_effects import measured_record
+from stemwatch.models.mismatch.search.other_coordinates import carried_over, without
+from stemwatch.models.mismatch.search.reading_errors import COORDINATES, pinned
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.preparation.own_clock import on_own_clock

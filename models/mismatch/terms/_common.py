@@ -9,7 +9,7 @@ from math import floor, log10, nan
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.stem_model.stem import Stem
 from stemwatch.models.mismatch.term import ActsOn, RecordingSummary
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks

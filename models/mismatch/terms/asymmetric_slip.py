@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import STICKING_PACKING, FieldAdvice, FieldTest, check_steps
-from stemwatch.models.mismatch import stem as stem_number
+from stemwatch.models.mismatch.stem_model import stem as stem_number
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._common import OneNumberTerm, about_value, either_sign, number
 from stemwatch.models.recording import Floats

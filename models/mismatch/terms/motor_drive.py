@@ -19,8 +19,8 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
-from stemwatch.models.mismatch import stem as stem_number
-from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.stem_model import stem as stem_number
+from stemwatch.models.mismatch.stem_model.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._common import StemTerm, about_value, grid
 from stemwatch.models.recording import Floats

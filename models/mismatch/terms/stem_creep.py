@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
-from stemwatch.models.mismatch import stem as stem_number
+from stemwatch.models.mismatch.stem_model import stem as stem_number
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._common import (
     OneNumberTerm,

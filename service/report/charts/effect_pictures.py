@@ -15,7 +15,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.effect_signature import (
+from stemwatch.models.mismatch.evidence.effect_signature import (
     EffectSignature,
     Moves,
     effect_signature,

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stemwatch.models.mismatch.acceptance.null_scores import null_scores
 from stemwatch.models.mismatch.acceptance_limits import (
     LEAST_OF_A_PAIR,
     MUCH_LEFT,
@@ -22,7 +23,6 @@ from stemwatch.models.mismatch.acceptance_limits import (
     NOT_LITTLE_LEFT,
 )
 from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.mismatch.null_scores import null_scores
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_nulls
 from stemwatch.service.executors import Executor, map_items

@@ -9,13 +9,18 @@ from functools import cache
 
 import numpy as np
 
-from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch.base_fit import base_bounds, first_scatter
-from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, TermSet, make_evaluator
-from stemwatch.models.mismatch.kernel import Record, Scoring, follow
+from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit.base_fit import base_bounds, first_scatter
+from stemwatch.models.mismatch.fit.evaluator import (
+    CoordinateLayout,
+    Evaluator,
+    TermSet,
+    make_evaluator,
+)
+from stemwatch.models.mismatch.measurement.record_effects import measured_record
 from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
-from stemwatch.models.mismatch.record_effects import measured_record
-from stemwatch.models.mismatch.stem import Tables
+from stemwatch.models.mismatch.stem_model.kernel import Record, Scoring, follow
+from stemwatch.models.mismatch.stem_model.stem import Tables
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Floats, Recording, Role, Signal
 from stemwatch.models.stickslip.fit import CANONICAL

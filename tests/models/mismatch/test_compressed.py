@@ -9,20 +9,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stemwatch.models.mismatch.acceptance.null_scores import null_scores
 from stemwatch.models.mismatch.acceptance_limits import convincing
-from stemwatch.models.mismatch.base_fit import base_bounds, first_scatter
-from stemwatch.models.mismatch.compression import (
+from stemwatch.models.mismatch.explain import explain
+from stemwatch.models.mismatch.fit.base_fit import base_bounds, first_scatter
+from stemwatch.models.mismatch.fit.evaluator import make_evaluator
+from stemwatch.models.mismatch.measurement.compression import (
     DOOR_NOISE,
     NARROWEST_DOOR,
     WIDEST_DOOR,
     noise_behind_door,
     swinging_door_deviation,
 )
-from stemwatch.models.mismatch.evaluator import make_evaluator
-from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.mismatch.null_scores import null_scores
+from stemwatch.models.mismatch.measurement.record_effects import measured_record
 from stemwatch.models.mismatch.prepared_recording import prepare, problem_of, summary_of
-from stemwatch.models.mismatch.record_effects import measured_record
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.fit import CANONICAL
 from stemwatch.models.studies.simulator.historian import swinging_door

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stemwatch.models.mismatch.describe_effect import MODEL_ERROR, estimates
+from stemwatch.models.mismatch.evidence.describe_effect import MODEL_ERROR, estimates
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.mismatch.terms.slip_overshoot import TERM

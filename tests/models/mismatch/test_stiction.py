@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.crossfit import LOOK, crossfit
 from stemwatch.models.mismatch.findings import Stiction
+from stemwatch.models.mismatch.fit.batched_search import conclude
+from stemwatch.models.mismatch.fit.crossfit import LOOK, crossfit
 from stemwatch.models.mismatch.stiction import holding_no_jump
 from tests.models.mismatch.fitted_chain import (
     candidate,

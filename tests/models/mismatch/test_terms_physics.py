@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stemwatch.models.mismatch import stem as stem_number
-from stemwatch.models.mismatch.stem import Stem, Stems
+from stemwatch.models.mismatch.stem_model import stem as stem_number
+from stemwatch.models.mismatch.stem_model.stem import Stem, Stems
 from stemwatch.models.mismatch.term import ActsOn, RecordingSummary
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Floats

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stemwatch.models.limits import Limits
-from stemwatch.models.mismatch.record_effects import measured_record
+from stemwatch.models.mismatch.measurement.record_effects import measured_record
 from stemwatch.models.record_checks.quality import assess
 from stemwatch.models.recording import Floats, Recording, Role, Signal
 from stemwatch.models.screening.screen import Case, Options, screen

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stemwatch.models.mismatch.findings import FreeRuns, Mismatch, RecordEffect
-from stemwatch.models.mismatch.record_effects import late_effect, small_delay_effect
+from stemwatch.models.mismatch.measurement.record_effects import late_effect, small_delay_effect
 from stemwatch.models.recording import Floats, Recording, Role, Signal
 from stemwatch.service.report.charts.effect_pictures import Picture, effect_pictures
 from tests.service.example_mismatches import named

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from stemwatch.models.mismatch import between_samples
+from stemwatch.models.mismatch.measurement import between_samples
 from stemwatch.models.stickslip import clock_shift
 from stemwatch.service.studies.archive_limits import (
     ALL_LOOPS,

@@ -1,0 +1,1 @@
+"""Hypotheses, what they cost, and how they are fitted: least squares, cross-fitting, intervals."""

@@ -1,0 +1,1 @@
+"""The likelihood of a recording by a stem whose breakaways scatter."""

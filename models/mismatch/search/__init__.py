@@ -1,0 +1,1 @@
+"""The search for effects that S and J leave out: which term, by which test."""

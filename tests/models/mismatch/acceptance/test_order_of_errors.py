@@ -1,0 +1,35 @@
+"""Errors of the reading that do not stand are taken out in one order, in every process."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from stemwatch.models.mismatch.acceptance import accepted_hypothesis as module
+
+
+@pytest.mark.parametrize("dropped", [("span_error",), ("zero_shift", "span_error")])
+def test_errors_are_taken_out_in_one_order(monkeypatch, dropped) -> None:
+    """A set of names has another order in each process, and a fit without one error is begun from
+    the fit without the other: S of one recording was 1.15 or 1.24 % by chance."""
+    given = []
+    hypothesis = SimpleNamespace(
+        effects=(), layout=SimpleNamespace(places={}), spring=False, unexplained=False
+    )
+
+    def whole_record(case, named, terms, pinned, first_part):
+        given.append(pinned)
+        return hypothesis, set(dropped) if len(given) == 1 else set()
+
+    named = SimpleNamespace(evaluator=None, sticks_again=None)
+    monkeypatch.setattr(module, "named_effects", lambda *_: named)
+    monkeypatch.setattr(module, "lacking", lambda *_: named)
+    monkeypatch.setattr(module, "FirstPart", lambda _: None)
+    monkeypatch.setattr(module, "_immaterial", lambda _: set())
+    monkeypatch.setattr(module, "named_by_likelihood", lambda named, _: named)
+    monkeypatch.setattr(module, "sticking_by_likelihood", lambda named: named)
+    monkeypatch.setattr(module, "_whole_record", whole_record)
+    monkeypatch.setattr(module, "replace", lambda found, **_: found)
+    module.accepted_hypothesis(SimpleNamespace(refused=(), own_reading=True))
+    assert given == [(), tuple(slug for slug in module.STRAIGHT_LINE if slug in dropped)]

@@ -1,0 +1,72 @@
+"""A stem that sticks again is shown by the likelihood of the whole record, and a stem that slides
+or is shaken is not taken for one.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from stemwatch.models.mismatch.explain import explain
+from stemwatch.models.mismatch.fit.batched_search import conclude
+from stemwatch.models.mismatch.fit.crossfit import scored
+from stemwatch.models.mismatch.likelihood.maximum_likelihood import LEAST_GAIN
+from stemwatch.models.mismatch.search.reading_errors import STICKS_AGAIN
+from stemwatch.models.mismatch.search.sticking_by_likelihood import sticking_by_likelihood
+from stemwatch.models.mismatch.search.term_selection import Named
+from stemwatch.models.studies.simulator.hidden import draw_effect, draw_hidden
+from tests.models.mismatch.fitted_chain import (
+    candidate,
+    evaluator_of,
+    hypothesis,
+    simulated_by_chain,
+)
+
+
+@cache
+def sagging_and_sticking():
+    """A stem that sticks again, behind air that sags; and what is said."""
+    case = draw_hidden(324, 2114)[323]
+    run = case.simulated()
+    return case, run, explain(run.recording)
+
+
+def test_both_are_named() -> None:
+    """The sag and the stem that sticks again, with the evidence of the whole record in words."""
+    case, run, mismatch = sagging_and_sticking()
+    assert set(case.hidden) == {"supply_sag", "low_speed_restick"}
+    names = {member for effect in mismatch.effects for member in effect.members}
+    assert set(case.hidden) <= names
+    sticking = next(effect for effect in mismatch.effects if effect.slug in STICKS_AGAIN)
+    assert sticking.evidence.likelihood_gain > LEAST_GAIN
+    assert "more likely with this effect" in sticking.evidence.note
+    assert abs(mismatch.restated.S.value - run.truth.S) < abs(mismatch.naive.S.value - run.truth.S)
+
+
+def named_without(recording, S, J):
+    """Nothing but S and J on both folds."""
+    evaluator = evaluator_of(recording)
+    layout = evaluator.layout(hypothesis())
+    row = candidate(layout, S, J)
+    fitted = conclude(evaluator, scored(layout, np.vstack((row, row))))
+    return Named(evaluator, fitted, fitted, (), ())
+
+
+@pytest.mark.parametrize("noise", [0.05, 0.3])
+def test_a_stem_that_slides_on_is_no_such_stem(noise) -> None:
+    """Nothing is changed, in noise neither."""
+    named = named_without(simulated_by_chain(S=5.0, J=1.5, noise=noise), 5.0, 1.5)
+    assert sticking_by_likelihood(named) is named
+
+
+@pytest.mark.parametrize("place", [0, 1])
+def test_a_stem_that_is_shaken_is_no_such_stem(place) -> None:
+    """Its readings lie about the stem by more than their noise, or the gain is that of few
+    blocks."""
+    case = draw_effect("vibration", place + 1, 4063)[place]
+    run = case.simulated()
+    mismatch = explain(run.recording)
+    assert case.hidden == ("vibration",)
+    assert not {effect.slug for effect in mismatch.effects} & set(STICKS_AGAIN)
