@@ -156,6 +156,7 @@ def test_the_changelog_begins_with_this_version() -> None:
     assert newest[1] == version("stemwatch")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("command", ["console script", "module"])
 def test_help_is_printed_outside_the_repository(command: str, tmp_path: Path) -> None:
     """``stemwatch --help`` and ``python -m stemwatch.service --help`` run from any folder."""

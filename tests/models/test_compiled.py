@@ -66,6 +66,7 @@ def ask(tmp_path: Path) -> Ask:
     return answer
 
 
+@pytest.mark.long
 def test_a_kernel_is_compiled_again_when_what_it_calls_is_changed(ask: Ask) -> None:
     """A function or a constant of another file, though the kernel's own file stays as it was; what
     is as it was is found again."""

@@ -219,6 +219,7 @@ def test_a_window_without_samples_is_a_result_with_the_reason(plant_file: Path) 
     assert "the archive covers 2026-03-02" in screening.reason
 
 
+@pytest.mark.long
 def test_an_archive_folder_on_the_command_line_is_screened(
     stemwatch: Callable[..., Any], plant_file: Path, tmp_path: Path
 ) -> None:

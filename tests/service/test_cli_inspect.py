@@ -153,6 +153,7 @@ def test_json_holds_everything_that_was_found(stemwatch, one_valve: Path, tmp_pa
     assert seen["start"] == "2026-03-02T06:00:00+00:00"
 
 
+@pytest.mark.long
 def test_a_redirected_proposal_is_whole_toml(
     stemwatch_process, one_valve: Path, tmp_path: Path
 ) -> None:

@@ -51,6 +51,7 @@ def test_all_roles_and_the_valve_name_can_be_given(screened, one_valve: Path) ->
     assert verdicts(valves) == {"Recycle gas": "sticky"}
 
 
+@pytest.mark.long
 def test_without_tags_all_valves_with_certain_roles_are_screened(screened, export: Path) -> None:
     """Roles that tags leave no doubt about are found, and all valves of the file screened."""
     outcome, valves = screened(export)
@@ -62,6 +63,7 @@ def test_without_tags_all_valves_with_certain_roles_are_screened(screened, expor
     }
 
 
+@pytest.mark.long
 def test_a_plant_file_screens_its_own_sources(screened, plant: Path) -> None:
     """--plant alone screens every valve, worst first, and keeps results beside the plant file."""
     outcome, valves = screened("--plant", plant)
@@ -216,6 +218,7 @@ def test_the_report_is_four_files_that_agree(screened, export: Path, tmp_path: P
     assert str(out / "report.html") in outcome.out
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("verdict", "status"), [("sticky", 1), ("watch", 0)])
 def test_findings_count_where_asked(screened, one_valve: Path, verdict: str, status: int) -> None:
     """--fail-on ends with 1 where a valve has that verdict and with 0 where none has."""
@@ -232,6 +235,7 @@ def test_limits_of_the_plant_file_decide(screened, plant: Path) -> None:
     assert verdicts(valves)["FIC-104"] != "sticky"
 
 
+@pytest.mark.long
 def test_a_mistake_in_the_plant_file_costs_one_valve(screened, plant: Path) -> None:
     """A valve with a misspelt key is reported with its line; the others are screened."""
     text = plant.read_text(encoding="utf-8").replace("criticality = 3", "critcality = 3", 1)

@@ -93,6 +93,7 @@ def test_a_window_outside_the_export_says_what_the_export_holds(
     assert "2026-03-02" in outcome.said
 
 
+@pytest.mark.long
 def test_a_window_of_times_without_zone_asks_for_the_zone(
     stemwatch, one_valve: Path, tmp_path: Path
 ) -> None:

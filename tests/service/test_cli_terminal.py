@@ -68,6 +68,7 @@ def test_a_hostile_name_is_shown_and_does_nothing(
         assert stem in outcome.said
 
 
+@pytest.mark.long
 def test_inspect_shows_a_hostile_name_and_does_nothing(
     stemwatch, one_valve: Path, tmp_path: Path
 ) -> None:
@@ -89,6 +90,7 @@ def test_inspect_lets_no_control_code_out(
     assert not set("\x1b\x07\u202e") & set(outcome.out + outcome.err)
 
 
+@pytest.mark.long
 def test_a_narrow_terminal_without_colours(
     stemwatch_process, small_plant: Path, tmp_path: Path
 ) -> None:
@@ -107,6 +109,7 @@ def test_a_narrow_terminal_without_colours(
     assert max(map(len, table)) <= 60
 
 
+@pytest.mark.long
 def test_an_old_console_shows_question_marks_instead_of_failing(
     stemwatch_process, one_valve: Path, tmp_path: Path
 ) -> None:

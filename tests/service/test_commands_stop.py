@@ -101,6 +101,7 @@ def test_a_signal_that_a_compiled_function_met_ends_the_command_too() -> None:
     assert (ended.returncode, ended.stderr) == (130, "")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
 def test_a_signal_before_the_command_begins_ends_it_without_a_traceback(
     number: signal.Signals, status: int

@@ -62,6 +62,7 @@ class Workers:
             yield Answer(index=index, results=batch, failure=self.failure)
 
 
+@pytest.mark.long
 def test_a_screening_compiles_nothing_that_was_not_compiled_ahead() -> None:
     """Every kernel that a valve needs, with the types that it is called with."""
     command = [sys.executable, "-c", COMPILED]

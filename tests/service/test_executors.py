@@ -146,6 +146,7 @@ def test_stopping_ends_the_workers() -> None:
     assert [item for item in multiprocessing.active_children() if item.name != "forkserver"] == []
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux", reason="workers are forked from a server on Linux")
 def test_a_dead_fork_server_is_renewed() -> None:
     """Killed between two runs, or while it is needed, it costs nothing."""
@@ -185,6 +186,7 @@ def one_death_is_enough(cluster: clusters.Cluster) -> Iterator[None]:
             client.run_on_scheduler(allow, deaths=before)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="signals are sent the POSIX way")
 def test_what_ends_workers_of_a_cluster_is_not_done_here(cluster: clusters.Cluster) -> None:
     """It is given up with its reason and never done in the process that asks; what a worker that
@@ -199,6 +201,7 @@ def test_what_ends_workers_of_a_cluster_is_not_done_here(cluster: clusters.Clust
     assert result["die"][1] == WORKERS_DIED
 
 
+@pytest.mark.long
 def test_waiting_for_a_cluster_without_workers_can_be_stopped(
     cluster: clusters.Cluster, tmp_path: Path
 ) -> None:

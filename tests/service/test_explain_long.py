@@ -53,6 +53,7 @@ def result(recording: Recording) -> Explained:
     return explain_recording(recording, "long.csv", narx=False, limits=LIMITS)
 
 
+@pytest.mark.long
 def test_windows_that_agree_name_the_effect_and_pool_s_and_j(result):
     """The sentence counts the windows, and S lies near the truth with an interval that holds it."""
     evidence = result.by_window

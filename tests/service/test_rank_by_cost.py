@@ -129,6 +129,7 @@ def test_page_and_api_sort_by_cost(priced: Site) -> None:
     assert "The sticking of 2 loops costs about 4,015 EUR" in page
 
 
+@pytest.mark.long
 @pytest.mark.browser
 def test_a_click_on_the_cost_orders_the_ranking_by_it(priced: Site, windows) -> None:
     """The dearest first; on a phone the cost is a line of the valve's card, and the page

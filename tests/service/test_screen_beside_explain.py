@@ -103,6 +103,7 @@ def test_s_and_j_and_what_was_left_out_are_one(kind: str) -> None:
     agree(screened, explain_recording(recording, "a.csv", narx=False))
 
 
+@pytest.mark.long
 def test_s_and_j_of_a_record_of_four_windows_are_one() -> None:
     """What `explain` cuts into windows and `screen` fits in one stretch."""
     limits = Limits(fitted_samples=440.0)

@@ -152,6 +152,7 @@ def test_quotes_are_taken_off_where_each_is_around_a_cell(text: str) -> None:
         ]
 
 
+@pytest.mark.long
 def test_one_valve_of_thirty_thousand_columns_is_read_by_its_name(
     tmp_path: Path,
 ) -> None:

@@ -123,6 +123,7 @@ def test_an_unknown_node_names_the_nearest(served: tuple[str, Conforming]) -> No
     assert set(archive.present(valve).tags) == {Role.OP, Role.MV, Role.PV}
 
 
+@pytest.mark.long
 def test_several_values_at_one_time_across_a_page() -> None:
     """Asking again from the last time neither loses nor repeats what bears that time."""
     values = [float(i) for i in range(100)]

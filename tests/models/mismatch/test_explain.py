@@ -135,6 +135,7 @@ def test_what_is_hidden_is_named_with_its_size(slug, seed, name, size, within):
     assert result.evidence.t > 1.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("delay_s", "named"), [(1.0, False), (2.5, True)])
 def test_a_delay_of_about_a_sample_is_mentioned_but_not_named(delay_s, named):
     """Late clocks and a dead time cannot be separated, so no physics is said to be left out."""
@@ -151,6 +152,7 @@ def test_a_delay_of_about_a_sample_is_mentioned_but_not_named(delay_s, named):
         assert tried.outcome is TriedOutcome.TOO_SMALL
 
 
+@pytest.mark.long
 def test_where_free_runs_miss_breakaways_both_models_are_judged_slip_by_slip():
     """In a quiet loop one missed breakaway is an error until the next. What explains the recording
     by far is named all the same, with a fit that grows and is said to be slip by slip."""
@@ -165,6 +167,7 @@ def test_where_free_runs_miss_breakaways_both_models_are_judged_slip_by_slip():
     assert off(answer.restated, case.loop.valve) < off(answer.naive, case.loop.valve)
 
 
+@pytest.mark.long
 def test_what_no_first_part_can_foretell_is_judged_on_alternate_blocks():
     """How a drift that wanders goes on cannot be told from its beginning. Over the blocks between
     those that were fitted it is, and S and J are restated with it."""
@@ -179,6 +182,7 @@ def test_what_no_first_part_can_foretell_is_judged_on_alternate_blocks():
     assert off(answer.restated, case.loop.valve) < 0.2 * off(answer.naive, case.loop.valve)
 
 
+@pytest.mark.long
 def test_a_stop_that_acts_in_few_blocks_explains_what_is_left():
     """Where much is left, what removes most of it stands, however few blocks it acts in."""
     case = draw_hidden(70, 2108)[69]
@@ -188,6 +192,7 @@ def test_a_stop_that_acts_in_few_blocks_explains_what_is_left():
     assert off(answer.restated, case.loop.valve) < off(answer.naive, case.loop.valve)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("place", [13, pytest.param(26, marks=pytest.mark.long)])
 def test_noise_that_hides_slips_makes_no_unknown_of_a_plain_valve(place):
     """Fitted slip by slip, S is a fifth to a quarter too small in such noise, and contradicts that
@@ -198,6 +203,7 @@ def test_noise_that_hides_slips_makes_no_unknown_of_a_plain_valve(place):
     assert explain(run.recording).finding is Finding.NONE
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("place", [48, pytest.param(255, marks=pytest.mark.long)])
 def test_pushes_by_hand_are_unknown_behind_noise_and_behind_an_archive(place):
     """In noise less is left where nothing is hidden; behind an archive that drew lines, hardly
@@ -208,6 +214,7 @@ def test_pushes_by_hand_are_unknown_behind_noise_and_behind_an_archive(place):
     assert explain(run.recording).finding is Finding.UNKNOWN
 
 
+@pytest.mark.long
 def test_a_bow_that_a_flow_force_may_have_is_no_bowed_linkage():
     """The force of this plug is largest at 54 % of travel, so that its shape is a little bent."""
     case = draw_effect("flow_force", 12, 4071, "rich")[11]
@@ -218,6 +225,7 @@ def test_a_bow_that_a_flow_force_may_have_is_no_bowed_linkage():
     assert off(answer.restated, case.loop.valve) < off(answer.naive, case.loop.valve)
 
 
+@pytest.mark.long
 def test_what_is_too_small_on_the_whole_record_is_not_named():
     """A positioner that overshoots by a hundredth of each move was large enough where it was found;
     fitted to all of the record it is how good ones are made."""
@@ -346,6 +354,7 @@ def test_without_a_position_the_stem_is_not_named():
     assert explanation.restated.S.reason == NO_POSITION
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "freezes", [(700,), pytest.param((2300,), marks=pytest.mark.long), (700, 2300)]
 )
@@ -415,6 +424,7 @@ ODD_COMMANDS = {
 }
 
 
+@pytest.mark.long
 @given(
     samples=st.sampled_from([1, 3, 80, 250, 420]),
     interval_s=st.sampled_from([0.1, 1.0, 60.0]),
@@ -440,6 +450,7 @@ def test_any_recording_gives_a_consistent_mismatch(samples, interval_s, of_op, o
         assert Finding.NOT_TESTABLE is explanation.finding
 
 
+@pytest.mark.long
 def test_a_reversed_position_is_not_called_a_sticking_valve():
     """A position that falls as OP rises has the S of one that rises, and a sentence says so."""
     recording = simulated_by_chain()
@@ -469,6 +480,7 @@ def test_rivals_of_the_last_effect_give_their_S_and_J():
     assert not list(of_rivals(SimpleNamespace(named=named, effects=())))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("seed", "valve", "day"), [(5151, 29, 20), (9393, 13, 11)])
 def test_a_top_speed_that_few_blocks_of_time_show_is_named(seed, valve, day):
     """A valve that vents at 0.6 %/s is held by it in 3 % of a window of half an hour, and is then 9

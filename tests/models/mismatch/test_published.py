@@ -70,6 +70,7 @@ def test_an_unrelated_position_is_never_called_explained(seed):
     assert explanation.restated == explanation.naive
 
 
+@pytest.mark.long
 def test_slips_beyond_the_command_are_no_stretched_reading():
     """A positioner lets the stem jump past its command (S 3, J 3.8): no span error is named."""
     loop = next(loop for loop in demo_plant(1) if loop.story == "sticky, overshoot")
@@ -98,6 +99,7 @@ def test_manual_steps_and_ramps_do_not_bias_S(place):
     assert explanation.restated.S.value == pytest.approx(run.truth.S, rel=0.1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("place", [13, 22])
 def test_missed_slips_of_a_free_run_are_not_an_unknown_effect(place):
     """In quiet or short records with nothing hidden, the error of a missed slip is not an
@@ -109,6 +111,7 @@ def test_missed_slips_of_a_free_run_are_not_an_unknown_effect(place):
     assert explanation.heldout.fit_extended < 50.0
 
 
+@pytest.mark.long
 def test_a_lag_under_a_stem_that_hardly_jumps_is_found_and_is_no_dwell():
     """A stem that sticks at a turn alone creeps on with a command that only comes near its end."""
     run = draw_hidden(2, 8383)[1].simulated()
@@ -118,6 +121,7 @@ def test_a_lag_under_a_stem_that_hardly_jumps_is_found_and_is_no_dwell():
     assert explanation.restated.S.value == pytest.approx(run.truth.S, rel=0.03)
 
 
+@pytest.mark.long
 def test_a_wave_of_friction_is_no_lag():
     """More is left than noise, and the likeliest stem is further from the readings than noise."""
     found = explain(draw_hidden(169, 2119)[168].simulated().recording)
@@ -125,6 +129,7 @@ def test_a_wave_of_friction_is_no_lag():
     assert found.effects == ()
 
 
+@pytest.mark.long
 def test_a_spring_with_hysteresis_is_no_span_error():
     """A line over the stroke once stood for it; it has its own name, and S is near the true one."""
     run = draw_hidden(136, 2119)[135].simulated()

@@ -13,6 +13,7 @@ def members(case):
     return [effect.members for effect in explain(case.simulated().recording).effects]
 
 
+@pytest.mark.long
 def test_a_sag_in_a_short_record_is_given_beside_the_zero_error():
     """In a quarter of an hour the zero is the easier one to find, and the sag does as well."""
     case = draw_hidden(11, 2114)[10]

@@ -74,6 +74,7 @@ def test_the_restated_numbers_drive_the_verdict(S, J, terms, without_names):
     assert blind.S.value > 1.5 * S
 
 
+@pytest.mark.long
 def test_where_nothing_was_named_the_fits_own_numbers_stand():
     """A null keeps S and J of the stick-slip fit; the mismatch is carried all the same."""
     result, blind = screened("null", 4001), screened("null", 4001, BLIND)
@@ -98,6 +99,7 @@ def test_the_reason_names_the_hidden_effect_and_the_naive_S():
     assert f"S and J alone would have read S as {naive:.1f} %" in answer
 
 
+@pytest.mark.long
 def test_the_screening_explains_the_recording_as_it_was_read():
     """Its mismatch is that of ``explain`` on the same recording."""
     direct = explain(simulated("travel_stop", 4001)[0])

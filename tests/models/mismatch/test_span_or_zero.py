@@ -15,6 +15,7 @@ def classes(place):
     return case.hidden, named
 
 
+@pytest.mark.long
 def test_a_span_error_over_a_tenth_of_the_stroke_is_given_beside_the_zero():
     """In a quiet loop, beside a stiction that grows, the zero takes up most of it."""
     hidden, named = classes(343)

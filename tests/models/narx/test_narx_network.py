@@ -89,6 +89,7 @@ def test_the_free_run_is_the_equation_of_the_docstring_averaged_over_members() -
     np.testing.assert_allclose(net.free_run(op, mv), expected, rtol=0, atol=1e-9)
 
 
+@pytest.mark.long
 def test_the_kernel_says_the_same_compiled_and_interpreted() -> None:
     """Compiling the kernel changes nothing but its speed."""
     rng = np.random.default_rng(3)
@@ -387,6 +388,7 @@ def test_weights_cannot_be_changed_behind_a_networks_back() -> None:
         net.weights["gate"][0, 0] = 1.0
 
 
+@pytest.mark.long
 def test_running_and_storing_a_network_needs_no_torch() -> None:
     """A screening host that only scores never loads torch."""
     script = (

@@ -77,6 +77,7 @@ def test_the_start_knows_the_actuator_and_the_reading() -> None:
         assert percent(fit) > 96
 
 
+@pytest.mark.long
 def test_half_the_members_from_the_element_beat_random_members() -> None:
     """On every shape the grey-box ensemble is nearly as good or better, and better in the mean."""
     cases = [example(*levels, seed=index) for index, levels in enumerate(SHAPES.values())]

@@ -65,6 +65,7 @@ def autograd_run(
     return torch.stack(out)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("limits", [WIDE, NARROW], ids=["free", "clamped"])
 def test_carried_sensitivities_are_what_autograd_finds(limits: tuple[float, ...]) -> None:
     """Through tanh, gate, both lags and every clamp, dy/dw is the derivative of the run."""

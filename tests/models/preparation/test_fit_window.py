@@ -97,6 +97,7 @@ def test_a_trace_is_put_back_on_the_whole_clock() -> None:
     assert np.isnan(np.delete(complete, [4, 5, 6])).all()
 
 
+@pytest.mark.long
 def test_a_long_record_is_judged_by_its_stretch() -> None:
     """S is found within its interval, the traces stand on the whole clock, the indicators speak of
     the whole record, and the result says what was fitted."""

@@ -80,6 +80,7 @@ def same_but_for_time(result, expected, factor):
     assert refused[0] == refused[1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("slug", "factor"),
     [
@@ -144,6 +145,7 @@ def test_a_result_keeps_its_recording_in_seconds():
     assert FAST == result.recording.interval_s == result.seen.interval_s
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("factor", [0.01, pytest.param(60.0, marks=pytest.mark.long)])
 def test_a_network_is_kept_in_seconds_and_follows_a_later_window(factor):
     """Its actuator's times scale, and it follows as well as it does at 1 s."""

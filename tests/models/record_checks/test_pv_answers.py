@@ -30,6 +30,7 @@ def with_position_of(recording: Recording, other: Recording) -> Recording:
     return replace(recording, signals={**recording.signals, Role.MV: mv})
 
 
+@pytest.mark.long
 def test_the_position_of_another_valve_with_the_same_set_points_is_refused() -> None:
     """OP alone tells what PV does; the sentence says how much, and which tag to check."""
     seen = healthy_valve()

@@ -225,6 +225,7 @@ def exchanged(recording: Recording) -> Recording:
     return wired(recording, op=values(recording, Role.MV), mv=values(recording, Role.OP))
 
 
+@pytest.mark.long
 def test_the_controller_tells_that_op_and_position_of_a_healthy_valve_are_exchanged():
     """What answers PV and set point is the output, however little the valve sticks; a position
     that is recorded right is never taken for it, nor beside an OP in steps of 0.25 %."""

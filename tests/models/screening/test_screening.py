@@ -119,6 +119,7 @@ def test_traces_lie_on_the_clock():
     assert result.residuals["stiction"].rmse < 1.0
 
 
+@pytest.mark.long
 def test_a_screening_does_not_depend_on_the_other_cases():
     """Each valve gets the same result alone and among others, in the order of the cases."""
     recordings = [plant(), recorded([50.0]), plant(0.3, 0.0, 2.0, 1.0)]
@@ -180,6 +181,7 @@ def test_slow_healthy_valves_are_never_called_sticky(seed):
     assert Verdict.STICKY is not result.verdict
 
 
+@pytest.mark.long
 def test_baseline_is_compared():
     """The baseline network follows its own valve, and no longer the valve that began to stick."""
     healthy = plant(0.3, 0.0, 0.5)
@@ -260,6 +262,7 @@ def test_any_recording_gives_a_finite_screening(recording):
     consistent(quick(recording)[0])
 
 
+@pytest.mark.long
 @pytest.mark.recordings
 def test_a_real_rate_limited_valve_is_not_sticky(recordings):
     """S and J alone read 8 % and more out of a healthy valve that closes slowly; the verdict does
@@ -272,6 +275,7 @@ def test_a_real_rate_limited_valve_is_not_sticky(recordings):
     assert Verdict.STICKY is not result.verdict
 
 
+@pytest.mark.long
 def test_the_scans_of_both_tags_stand_among_the_decisions():
     """A position that is scanned slowly is said beside OP's own scan, and nothing of it else."""
     base = plant()

@@ -26,6 +26,7 @@ def fit(hunting: Recording) -> StickSlipFit:
     return fit_stickslip(hunting)
 
 
+@pytest.mark.long
 def test_it_is_healthy_and_its_actuator_is_told(hunting):
     """Its S is not that of sticking, nothing else is named, and the reason gives the lag."""
     (found,) = screen([Case(recording=hunting)], Options(narx=False))

@@ -94,6 +94,7 @@ def test_a_healthy_valve_in_a_stroke_test_is_not_called_sticky(step):
     assert screened.S.low is None or screened.S.low < 0.75
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tau", [0.3, 2.0])
 @pytest.mark.parametrize("half_band", [0.0, 1.5])
 def test_s_and_j_hold_whatever_jump_a_step_hides(half_band, tau):

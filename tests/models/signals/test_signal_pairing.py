@@ -57,6 +57,7 @@ def test_the_position_of_another_valve_is_refused():
     assert "another valve" in obstacle.reason
 
 
+@pytest.mark.long
 def test_a_position_that_sums_op_is_not_told_where_to_go():
     """The travel of an electric actuator by its pulses is their sum; a stem that is late, slow or
     sticks ends where its command is."""

@@ -25,7 +25,13 @@ def half_and_half(first: tuple[float, float], second: tuple[float, float]) -> Re
     return Recording(valve="V", signals=signals, interval_s=1.0)
 
 
-@pytest.mark.parametrize(("first", "second"), [((4.0, 1.0), (0.3, 0.0)), ((0.3, 0.0), (4.0, 1.0))])
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ((4.0, 1.0), (0.3, 0.0)),
+        pytest.param((0.3, 0.0), (4.0, 1.0), marks=pytest.mark.long),
+    ],
+)
 def test_s_before_and_after_a_repair_is_said(first, second):
     """No verdict on both halves together; the reason gives both S and the time."""
     (screened,) = screen([Case(recording=half_and_half(first, second))], Options(narx=False))

@@ -126,6 +126,7 @@ def test_clocks_that_agree_stay_as_they_are(place):
     assert find_op_late(later(recording, Role.MV, 3)) == 0.0
 
 
+@pytest.mark.long
 def test_S_and_J_do_not_depend_on_a_late_stored_command():
     """Verdict and numbers stay, and a sentence says that OP was shifted."""
     valve, recording = recorded(0)

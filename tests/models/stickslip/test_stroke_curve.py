@@ -177,6 +177,7 @@ def used_slopes(curve: StrokeCurve, travel_of) -> tuple[float, float]:
     return curve.slope, (high - low) / (end - begin)
 
 
+@pytest.mark.long
 def test_the_slips_tell_a_bend_where_free_runs_miss_too_many_of_them():
     """Through a straight line, which the free runs leave possible, S of this valve was 8.7 % and
     its slope a fifth too steep; read through the bend its breakaways agree much better."""
@@ -187,6 +188,7 @@ def test_the_slips_tell_a_bend_where_free_runs_miss_too_many_of_them():
     assert found == pytest.approx(true, rel=0.08)
 
 
+@pytest.mark.long
 def test_a_bent_curve_is_not_taken_for_a_late_clock():
     """Read as a straight line this OP seemed 3.8 s late, and once that was taken away, behind the
     curve, the stem 3.8 s: a dead time. An OP that is 5 s late behind a curve still is."""
@@ -256,6 +258,7 @@ def test_the_sticking_is_that_of_the_plain_recording(way):
     assert fit.J == pytest.approx(naive.J, abs=0.4)
 
 
+@pytest.mark.long
 @ways
 def test_verdicts_survive_how_op_was_stored(way):
     """A healthy valve stays healthy, a sticking one sticks, and no more is named than before."""

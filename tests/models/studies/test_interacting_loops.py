@@ -47,6 +47,7 @@ def test_partitions_agree_whatever_their_names() -> None:
     assert adjusted_rand_index([0, 0, 1, 1], [0, 0, 1, 2]) == pytest.approx(0.5714, abs=1e-4)
 
 
+@pytest.mark.long
 def test_a_plant_is_the_same_by_seed_and_number() -> None:
     """It does not depend on which others are drawn."""
     item, other = plant_of(5151, 3), plant_of(5151, 3)

@@ -145,6 +145,7 @@ def test_a_sticking_element_in_the_loop_is_found_with_its_S() -> None:
     assert held_out(op, sound, 3, np.geomspace(0.5, 10.0, 12)).gain_of_both < 0.1
 
 
+@pytest.mark.long
 def test_units_and_direction_of_the_loop_change_nothing() -> None:
     """PV in another unit, or a valve that acts the other way round: the same score and S."""
     plain = drawn(0, "load")
@@ -280,6 +281,7 @@ def test_what_cannot_be_seen_teaches_nothing() -> None:
     assert not teaches(sound, sound.stem_S)
 
 
+@pytest.mark.long
 def test_one_seed_draws_one_loop_in_every_process() -> None:
     """Also where a wave and a neighbour act at once: Python orders a set of words by a key that
     each process draws."""

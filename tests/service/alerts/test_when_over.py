@@ -73,6 +73,7 @@ def sent(store: Store) -> list[str]:
     return [one.message["subject"] for one in reversed(store.deliveries.recent())]
 
 
+@pytest.mark.long
 def test_an_alert_that_comes_back_is_opened_again_with_its_history(
     store: Store, plant: Plant
 ) -> None:
@@ -117,6 +118,7 @@ def test_recorded_work_in_between_starts_anew(store: Store, plant: Plant) -> Non
     assert (new.kind, new.closed, new.acknowledged) == (AlertKind.STICKY, None, None)
 
 
+@pytest.mark.long
 def test_after_a_month_it_is_another_alert(store: Store, plant: Plant) -> None:
     """By the time of the windows, not by that of the clock."""
     look(store, plant, 0, [1.9] * 4)
@@ -156,6 +158,7 @@ def test_an_unrecorded_repair_closes_the_alert_and_is_asked_about_once(
     assert (trend.is_change, trend.foresees_within(52.0)) == (False, False)
 
 
+@pytest.mark.long
 def test_recorded_work_answers_the_question(store: Store, plant: Plant) -> None:
     """A fall that is explained is not asked about."""
     store.record_maintenance("V1", START + 9.5 * DAY, "packing renewed", "Ann")

@@ -22,6 +22,7 @@ from tests.service.live_demo.running_demo import Started
 pytestmark = pytest.mark.early
 
 
+@pytest.mark.long
 def test_it_serves_what_its_plant_file_says_until_ctrl_c(tmp_path: Path) -> None:
     """Every register of the map has a value; a valve is repaired once work on it is recorded."""
     database = f"sqlite:///{tmp_path / 'stemwatch.db'}"

@@ -130,6 +130,7 @@ FITS = """[...document.querySelectorAll('.sheet')].every(sheet => {
 })"""
 
 
+@pytest.mark.long
 @pytest.mark.browser
 @pytest.mark.parametrize("make", ["mixed", "longest"])
 def test_the_page_prints_one_sheet_per_valve(windows, tmp_path, make):

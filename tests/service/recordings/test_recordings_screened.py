@@ -39,7 +39,13 @@ def labels(recordings: Path, folder: str, key: str, value: str) -> dict[str, str
         return {row[key]: row[value] for row in csv.DictReader(table)}
 
 
-@pytest.mark.parametrize("folder", FOLDERS)
+@pytest.mark.parametrize(
+    "folder",
+    [
+        pytest.param(folder, marks=[pytest.mark.long] if folder in ("isdb", "refinery") else [])
+        for folder in FOLDERS
+    ],
+)
 def test_every_folder_is_screened(screened: Screened, folder: str) -> None:
     """Each folder ends with 0; whoever gets no verdict gets the reason and what is still seen."""
     outcome, valves = screened(folder)
@@ -103,6 +109,7 @@ def test_a_speed_limit_is_not_taken_for_stiction(
     assert valve["residuals"]["stiction"]["fit"] > 60.0
 
 
+@pytest.mark.long
 def test_the_position_is_found_without_being_named(screened: Screened) -> None:
     """Without --op, --mv and --pv the same columns are taken, and the same numbers come out."""
     _, (named,) = screened(*DAMADICS, "--mv", "LC74_20X_pct", "--pv", "LC74_20PV_pct")

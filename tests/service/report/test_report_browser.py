@@ -21,6 +21,7 @@ def tags(page) -> list[str]:
     return page.locator("#ranking-table tbody tr:visible .c-valve a").all_inner_texts()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_plots_are_drawn_when_their_valve_comes_near(open_page, theme):
     """Far valves have no canvas; on scrolling there every plot of the valve has its lines."""

@@ -24,6 +24,7 @@ def shown(plots) -> str:
     return plots.locator(".view b").inner_text()
 
 
+@pytest.mark.long
 def test_plots_open_on_a_typical_stretch_that_says_where_it_is(opened_plots):
     """The first view names its times and why it was chosen; the strip's lens covers that part."""
     assert shown(opened_plots).startswith("A typical stretch: ")
@@ -129,6 +130,7 @@ def test_paper_shows_the_stretch_of_every_valve(open_page):
     page.evaluate("window.dispatchEvent(new Event('afterprint'))")
 
 
+@pytest.mark.long
 def test_the_script_reads_what_was_packed(opened_plots):
     """Letters become the same numbers in the page as in Python, with the gaps where they were."""
     values = np.array([61.25, np.nan, np.nan, -1e6, 1e6, 1e6, np.nan])

@@ -209,6 +209,7 @@ def test_recordings_that_are_explained_together_are_held_to_one_level():
     assert alone["p_value"] == beside["p_value"] == 0.02
 
 
+@pytest.mark.long
 @pytest.mark.browser
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_the_remark_is_seen_on_a_phone(windows, written, theme):

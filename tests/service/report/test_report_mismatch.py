@@ -263,6 +263,7 @@ def test_without_scripts_the_findings_and_maps_are_there(windows, explained_page
     assert not page.locator(".overlay").first.is_visible()
 
 
+@pytest.mark.long
 def test_the_report_says_what_windows_of_weeks_confirm(explained_plant, make_context, tmp_path):
     """In the valve's section, with the picture; a valve without has none."""
     first = datetime(2026, 3, 1, 6, tzinfo=UTC)

@@ -86,6 +86,7 @@ def test_every_executor_finds_the_same(result, cluster: Cluster) -> None:
     assert ["FIC-104", "FIC-107", "FIC-113"] == sorted(valve for valve, _, _ in answer)
 
 
+@pytest.mark.long
 def test_a_run_trains_the_networks_of_a_batch_together_on_a_gpu_that_is_there(
     result, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -108,6 +108,7 @@ def under_siege(
     assert "the most that pages may have" in site.log()
 
 
+@pytest.mark.long
 def test_idle_connections_stop_neither_pages_nor_runs(csv_site: Site) -> None:
     """More connections with half a header than the service may open descriptors."""
     under_siege(csv_site, descriptors=256, connections=300, runs=1, seconds=5)

@@ -137,6 +137,7 @@ CHANGES = st.fixed_dictionaries(
 )
 
 
+@pytest.mark.long
 @settings(
     max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
@@ -325,6 +326,7 @@ def test_writers_at_the_same_time_lose_nothing(
     assert store.baseline("V1") is not None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("count", [2, pytest.param(4, marks=pytest.mark.long)])
 def test_processes_that_create_and_write_at_once_all_succeed(store_url: str, count: int) -> None:
     """Several processes may find no store, create it, and write the same valves."""

@@ -90,6 +90,7 @@ def test_a_small_plant_runs_through_schedule_run_store_and_rules(tmp_path):
         assert len(store.screenings(result.lives[0].tag)) == 3
 
 
+@pytest.mark.long
 def test_the_command_prints_its_counts(stemwatch, tmp_path):
     """And writes every alert."""
     file = tmp_path / "alerts.json"

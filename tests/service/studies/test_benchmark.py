@@ -127,6 +127,7 @@ BLIND = st.builds(
 )
 
 
+@pytest.mark.long
 @given(answer=BLIND, seed=st.integers(0, 50), knows=st.booleans())
 @example(answer=CaseAnswer(causes=("none",)), seed=0, knows=False)
 @example(answer=CaseAnswer(S=Number(low=2.0, high=9.0)), seed=1, knows=True)

@@ -29,6 +29,7 @@ def screened(recording: Recording) -> Screening:
     return found
 
 
+@pytest.mark.long
 def test_an_s_that_a_little_error_of_the_curve_explains_is_no_verdict(valves):
     """OP turns round seven times and the curve is 1.1 % of travel off: S of 1.9 % where it is 0.1 %
     is not certain, and the reason says what else fits."""
@@ -43,11 +44,13 @@ def test_a_curve_is_no_excuse_where_op_is_percent_of_travel(valves):
     assert not curve_is_enough(fit_stickslip(recorded(valves[76])))
 
 
+@pytest.mark.long
 def test_a_sticking_valve_behind_a_curve_stays_sticky(valves):
     """Where the stem sticks, no curve follows it as well."""
     assert screened(stored(valves[0], SQUARE_ROOT)).verdict is Verdict.STICKY
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("place", "way"), [(1, SQUARE_ROOT), (71, "exception reporting of 0.5 %")])
 def test_pv_and_set_point_are_not_taken_for_the_output(valves, place, way):
     """PV answers the position, and a set point changes less often than an output: neither is OP,

@@ -232,6 +232,7 @@ def test_the_fmu_keeps_the_records_interval(unit, slug: str) -> None:
     assert np.max(np.abs(positions[1:] - expected)) < NEAR
 
 
+@pytest.mark.long
 @needs_compiler
 @pytest.mark.parametrize(
     "step_s",

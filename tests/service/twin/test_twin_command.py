@@ -51,6 +51,7 @@ def test_what_has_no_twin_says_why(stemwatch, small_plant: Path) -> None:
     assert "no such valve" in " ".join(unknown.err.split())
 
 
+@pytest.mark.long
 def test_screening_keeps_what_the_sticking_costs(
     stemwatch, small_plant: Path, tmp_path: Path
 ) -> None:
@@ -77,6 +78,7 @@ def test_the_study_holds_twins_to_the_plant() -> None:
     assert errors[len(errors) // 2] < 0.2
 
 
+@pytest.mark.long
 def test_a_price_in_the_plant_file_becomes_money(stemwatch, plant: Path, tmp_path: Path) -> None:
     """In the report's head, the valve's section and JSON alike; a wrong price is named."""
     text = plant.read_text(encoding="utf-8")

@@ -236,6 +236,7 @@ def packed(megabytes: int) -> bytes:
     return gzip.compress(HEAD + ROW * (megabytes * 2**20 // len(ROW)))
 
 
+@pytest.mark.long
 def test_an_archive_that_unpacks_beyond_all_measure_is_rejected(
     folder: WatchedFolder, store: Store, export: Path
 ) -> None:

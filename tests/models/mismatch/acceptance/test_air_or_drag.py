@@ -62,6 +62,7 @@ def explained(air_s: float, growth: float, drag_s: float, seed: int = 6161) -> M
     return explain(recording(air_s, growth, drag_s, seed))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("air_s", "seed"), [(3.0, 5151), pytest.param(2.0, 5151, marks=pytest.mark.long), (2.0, 6161)]
 )

@@ -22,6 +22,7 @@ def test_an_effect_stands_where_a_free_run_only_misses_breakaways(place):
     assert slug == hidden
 
 
+@pytest.mark.long
 def test_a_wrong_effect_goes_where_the_likelihood_leaves_something():
     """Friction that depends on the place is not a zero error that a free run refutes."""
     hidden, slug = named(498)

@@ -14,6 +14,7 @@ def explained(seed: int, number: int) -> Mismatch:
     return explain(draw_hidden(number + 1, seed)[number].simulated().recording)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "number",
     [
@@ -38,6 +39,7 @@ def test_what_follows_the_turns_is_not_explained_either() -> None:
     assert "each turn of the stem" in mismatch.sentence
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "number",
     [

@@ -114,6 +114,7 @@ def test_peaks_between_samples_are_restored(every: int, mean: bool) -> None:
     assert "are restored by" in without.sentence(missed)
 
 
+@pytest.mark.long
 def test_a_recording_that_keeps_the_peaks_is_not_corrected() -> None:
     """A sample every second of a loop that takes 50 s: the fit's own numbers, to the bit."""
     plain = cycling(50)
@@ -343,6 +344,7 @@ def test_where_slips_contradict_the_fit_of_a_slower_loop_the_intervals_hold_both
     assert "the intervals hold both" in archive.sentence(0.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("place", [1, 10, 18])
 def test_a_valve_kept_every_second_keeps_the_numbers_of_its_fit(place: int) -> None:
     """Its slips are seen a sample late, which would make S larger by a tenth or more."""

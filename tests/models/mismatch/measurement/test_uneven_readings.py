@@ -80,6 +80,7 @@ def test_a_stem_that_never_moves_says_nothing():
     assert found(course, read(course, np.zeros(SAMPLES), 1)) is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("valves", "said_of"), [(2, 1), pytest.param(8, 2, marks=pytest.mark.long)]
 )

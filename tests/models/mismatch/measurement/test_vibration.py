@@ -82,6 +82,7 @@ def test_the_sentence_on_a_vibration_names_its_possible_frequencies():
     assert "bracket and linkage" in told.sentence
 
 
+@pytest.mark.long
 def test_a_vibration_does_not_change_S_and_J():
     """S and J of a shaken reading are those of the same valve at rest, and nothing is named."""
     still, moved = explain(plant()), explain(shaken(plant(), 1.0, 0.31))

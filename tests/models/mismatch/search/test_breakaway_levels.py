@@ -87,6 +87,7 @@ def test_breakaways_at_one_level_tell_neither():
     assert not any(answer.convincing for answer in answers)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("place", "seed", "S", "J"), [(12, 5151, 4.4, 2.3), (38, 2109, 5.2, 2.5)])
 def test_bristles_that_let_go_early_under_a_quick_force_are_no_dwell(place, seed, S, J):
     """A slow force means a long rest, so that their breakaways rise with the rest as well."""
@@ -158,6 +159,7 @@ def test_hidden_dwell_is_named_with_its_events(place):
     assert restated < 0.12 * (S + J)
 
 
+@pytest.mark.long
 def test_dwell_that_does_not_improve_unseen_samples_is_reported_but_not_named():
     """The breakaways show it, but the free run does not improve: the disagreement is reported."""
     run = draw_effect(DWELL, 2, 4097, "quiet")[1].simulated()

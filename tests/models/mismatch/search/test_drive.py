@@ -28,6 +28,7 @@ def named(result):
     return {effect.slug for effect in result.effects}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("S", "lag_s", "load"), [(1.2, 0.3, 4.0), (0.6, 0.15, 2.0), (0.3, 0.08, 1.0)]
 )
@@ -56,6 +57,7 @@ def test_a_motor_that_is_hardly_damped_is_a_drive_and_no_ringing_positioner(
     assert found.restated.S.low <= S <= found.restated.S.high
 
 
+@pytest.mark.long
 def test_a_load_that_pulls_by_little_is_not_named():
     """Nor is a span error in its place."""
     result = explained(0.3, 0.08, 0.2)
@@ -77,6 +79,7 @@ def test_the_pull_is_said_with_its_size_and_direction():
     assert "more towards falling at 75 % of travel than at 25 %" in load.sentence
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("factor", [0.001, 100.0])
 def test_names_and_S_do_not_depend_on_the_time_unit(factor):
     """The time constants are as much longer."""
@@ -92,6 +95,7 @@ def test_names_and_S_do_not_depend_on_the_time_unit(factor):
     assert taus[1] == pytest.approx(factor * taus[0], rel=1e-6)
 
 
+@pytest.mark.long
 def test_a_late_position_of_a_sticking_valve_is_no_motor() -> None:
     """Stored 5 s late, its smooth answer looks like that of a motor without friction; a dead time
     and friction predict it better. This valve was called healthy (`robustness --seed 2103`)."""

@@ -34,6 +34,7 @@ def test_dwell_beside_a_positioner_that_overshoots() -> None:
     assert abs(S.value - run.truth.S) < abs(mismatch.naive.S.value - run.truth.S)
 
 
+@pytest.mark.long
 def test_breakaways_alone_do_not_name_it() -> None:
     """Thirteen of them show dwell by 3.5 standard errors where only one speed is limited; the
     record as a whole does not."""

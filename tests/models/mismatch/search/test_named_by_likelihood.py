@@ -93,22 +93,26 @@ def named_on_drawn(seed: int, number: int) -> set[tuple[str, ...]]:
     return {effect.members for effect in explained(seed, number).effects}
 
 
+@pytest.mark.long
 def test_a_limit_of_one_way_is_not_taken_for_one_of_both() -> None:
     """Begun from the limit both ways, which its own search had not come near to."""
     assert named_on_drawn(2116, 225) == {("asymmetric_rate_limit",)}
 
 
+@pytest.mark.long
 def test_a_limit_of_both_ways_is_no_limit_of_one() -> None:
     """Where only one fast move tells them apart, both are said."""
     (members,) = named_on_drawn(2116, 136)
     assert members[0] == "rate_limit"
 
 
+@pytest.mark.long
 def test_what_trajectories_dropped_may_still_be_shown() -> None:
     """A force by the flow, too small a part of what a free run misses in noise."""
     assert named_on_drawn(2114, 158) == {("flow_force",)}
 
 
+@pytest.mark.long
 def test_friction_at_a_place_is_shown_by_the_whole_record() -> None:
     """In noise, where no trajectory shows it."""
     (effect,) = explained(4090, 585).effects
@@ -131,33 +135,39 @@ def test_a_term_is_begun_from_other_s_and_j_as_well() -> None:
     assert len(begun) <= STARTS + sizes
 
 
+@pytest.mark.long
 def test_what_no_trajectory_shows_none_must_show_on_unseen_samples() -> None:
     """A lag in a quiet loop, where the free run is as near without it."""
     assert named_on_drawn(2119, 218) == {("actuator_lag",)}
 
 
+@pytest.mark.long
 def test_breakaways_that_scatter_most_do_not_hide_a_name() -> None:
     """A lag of one way of a stem whose breakaways scatter by 0.12; a sag is as likely."""
     (members,) = named_on_drawn(2119, 264)
     assert members[0] == "asymmetric_lag"
 
 
+@pytest.mark.long
 def test_a_stem_that_is_too_slow_to_arrive_is_behind_no_curve() -> None:
     """A limit of 0.5 %/s for a quarter of an hour, which looks like a curve from OP to stroke."""
     assert named_on_drawn(2119, 136) == {("rate_limit",)}
 
 
+@pytest.mark.long
 def test_a_stem_at_its_stop_is_behind_no_curve() -> None:
     """The reading drifts as well; a curve that is flat at one end leaves more of both."""
     assert named_on_drawn(4090, 897) == {("travel_stop",), ("sensor_drift",)}
 
 
+@pytest.mark.long
 def test_the_likelihood_is_asked_again_beside_what_it_has_shown() -> None:
     """A positioner that rings, in noise, beside friction at a place that no trajectory shows."""
     both = {("position_dependent_friction",), ("underdamped_positioner",)}
     assert named_on_drawn(4090, 71) == both
 
 
+@pytest.mark.long
 def test_a_dead_time_beside_a_stem_that_sticks_again_is_no_uneven_reading() -> None:
     """Its small slips come early or late by chance, as readings of uneven age do. A lag is as good
     as the dead time there, and an overshoot as that stem.
@@ -166,6 +176,7 @@ def test_a_dead_time_beside_a_stem_that_sticks_again_is_no_uneven_reading() -> N
     assert named_on_drawn(4090, 857) == {late, ("slip_overshoot", "low_speed_restick")}
 
 
+@pytest.mark.long
 def test_slips_of_one_way_that_are_too_small_to_see_are_compared() -> None:
     """The stem moves as often the other way, and slips there."""
     run = draw_hidden(366, 2119)[365].simulated()
@@ -173,6 +184,7 @@ def test_slips_of_one_way_that_are_too_small_to_see_are_compared() -> None:
     assert "asymmetric_slip" not in refused
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("number", "both"),
     [
@@ -193,6 +205,7 @@ def test_a_second_effect_stands_beside_one_that_the_likelihood_shows(
     assert all(any(slug in members for members in named) for slug in both)
 
 
+@pytest.mark.long
 def test_two_fits_that_contradict_are_no_doubt_where_the_record_as_a_whole_has_none() -> None:
     """S and J alone miss slips and end at twice the true S; the likelihood follows them all."""
     run = draw_hidden(81, 2116)[80].simulated()

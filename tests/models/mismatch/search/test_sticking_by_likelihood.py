@@ -33,6 +33,7 @@ def sagging_and_sticking():
     return case, run, explain(run.recording)
 
 
+@pytest.mark.long
 def test_both_are_named() -> None:
     """The sag and the stem that sticks again, with the evidence of the whole record in words."""
     case, run, mismatch = sagging_and_sticking()

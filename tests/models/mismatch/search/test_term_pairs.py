@@ -38,6 +38,7 @@ def one_of_two():
     return replace(selection, fitted=stages[1].before, needed=(needed,), stages=stages)
 
 
+@pytest.mark.long
 def test_the_second_of_two_is_found_with_the_first(one_of_two):
     """Both are named, each against the best fit of the other alone, and the scores are kept."""
     pair = with_pair(one_of_two, TERMS)
@@ -69,6 +70,7 @@ def test_no_pair_is_searched_where_no_second_term_came_near(one_of_two, monkeypa
     assert with_pair(two, TERMS) is two
 
 
+@pytest.mark.long
 def test_a_pair_is_named_beyond_the_limit_of_pairs_alone(one_of_two, monkeypatch):
     """The weaker of the two must reach more than pairs do where nothing is hidden; a single later
     term needs less.

@@ -35,6 +35,7 @@ LEVEL_PERCENT = 0.15
 SHARP = [model for model in DATA_DRIVEN if model.name != "kano_asymmetric"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "model",
     [
@@ -65,6 +66,7 @@ def test_the_jumps_of_each_direction_trade_with_the_zero(recorded, command):
 
 
 # Fc, Fv and an air lag take each other's place where the stem creeps; Fs alone is always sharp.
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "sharp"),
     [
@@ -108,6 +110,7 @@ def test_a_slow_model_has_no_intervals(recorded, command):
     assert fit.parameters["static_n"].low is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name",
     ["canonical", *(pytest.param(name, marks=pytest.mark.long) for name in ("he3", "karnopp"))],
@@ -121,6 +124,7 @@ def test_the_same_record_gives_the_same_numbers(recorded, command, name):
     np.testing.assert_array_equal(first.simulated, second.simulated)
 
 
+@pytest.mark.long
 def test_held_out_samples_change_no_parameter(recorded, command):
     """Samples from ``train_until`` on are used for scoring only."""
     record = recorded(CANONICAL, command)
@@ -134,6 +138,7 @@ def test_held_out_samples_change_no_parameter(recorded, command):
     assert second.heldout.rmse > first.heldout.rmse + 1.0
 
 
+@pytest.mark.long
 def test_the_richer_model_of_the_true_kind_wins_on_what_is_held_out(recorded, command):
     """A record of He's staircase is followed best by He's model, not by one that slides."""
     record = recorded(BY_NAME["he2"], command)
@@ -144,6 +149,7 @@ def test_the_richer_model_of_the_true_kind_wins_on_what_is_held_out(recorded, co
     assert min(rmse, key=rmse.get) == "he2"
 
 
+@pytest.mark.long
 def test_holes_are_left_out_and_the_run_starts_afresh(recorded, command):
     """Bad samples are not scored, a long hole restarts the free run, and the numbers stay."""
     record = recorded(CANONICAL, command, S=5.0, J=2.0)
@@ -159,6 +165,7 @@ def test_holes_are_left_out_and_the_run_starts_afresh(recorded, command):
     assert fit.training.samples < TRAIN - 40
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("first", [0, 40])
 def test_the_free_run_covers_the_record(recorded, command, first):
     """A position for each sample from the first usable one on."""
@@ -209,6 +216,7 @@ def test_a_record_that_cannot_be_fitted_is_a_result(recorded, command, name, cha
     assert fit.simulated is None
 
 
+@pytest.mark.long
 def test_without_a_held_out_part_there_is_no_score_for_it(recorded, command):
     """A fit to the whole record has a training score only."""
     fit = fit_model(CANONICAL, recorded(CANONICAL, command), command.size)
@@ -223,6 +231,7 @@ def test_train_until_lies_within_the_record(recorded, command, train_until):
         fit_model(CANONICAL, recorded(CANONICAL, command), train_until)
 
 
+@pytest.mark.long
 def test_a_position_that_follows_nothing_is_doubted():
     """A free run that is no better than a constant on its own training part says so."""
     rng = np.random.default_rng(2)

@@ -140,6 +140,7 @@ def fixed_step_lugre(op, interval_s, valve, y0, step_s=2e-5):
     return np.array(y)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("valve", [on_bench(SET_B), on_bench(SET_C), LIGHT], ids=lambda v: v.name)
 def test_karnopp_is_the_fixed_step_integration(valve):
     """The adaptive integration and one of 0.1 ms steps give the same stem within 0.05 %."""
@@ -149,6 +150,7 @@ def test_karnopp_is_the_fixed_step_integration(valve):
     assert np.max(np.abs(process - expected)) < 0.05
 
 
+@pytest.mark.long
 def test_lugre_is_the_fixed_step_integration():
     """The adaptive integration and one of 0.02 ms steps give the same stem within 0.05 %."""
     valve = on_bench(SET_B)

@@ -24,6 +24,7 @@ def loop(size: float, ratio: float) -> tuple[Floats, Floats]:
     return op, pv
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ratio", [0.2, 0.6, 1.0])
 @pytest.mark.parametrize("size", [2.0, 5.0])
 def test_a_stem_that_sticks_is_likelier_and_its_s_is_followed_coarsely(size, ratio) -> None:

@@ -45,6 +45,7 @@ def told(scans: LoopScans, last: int | None = None, waves=(NO_WAVE, NO_WAVE)) ->
     )
 
 
+@pytest.mark.long
 def test_without_friction_it_is_the_gaussian_density(monkeypatch) -> None:
     """One stem that follows OP: the product of the filter's predictions is the density of all of
     PV at once, with waves of the load and of PV as well."""
@@ -76,6 +77,7 @@ def test_without_friction_it_is_the_gaussian_density(monkeypatch) -> None:
     assert found.log_likelihood == pytest.approx(density, rel=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("place", "sticks"), [(8, True), (13, False)])
 def test_it_tells_which_stem_there_is(place, sticks) -> None:
     """The true kind of stem is far more likely, and the S of one that sticks is found."""

@@ -36,6 +36,7 @@ def signals(n: int) -> tuple[Floats, Floats]:
     return u, y
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("horizon", [1, 12])
 def test_the_gradient_is_that_of_the_runs_error(horizon: int) -> None:
     """J'r, carried forward through the run, is the slope of half the summed square."""

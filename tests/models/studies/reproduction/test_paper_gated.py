@@ -47,6 +47,7 @@ def test_set_from_the_true_S_and_J_it_is_the_element(case: PaperCase, family: st
     assert follow(case, unseen(family, 3), case.S, case.J).max() < 1e-6
 
 
+@pytest.mark.long
 @given(S=st.floats(0.05, 1.0), ratio=st.floats(0.0, 1.8), seed=st.integers(0, 999))
 @settings(max_examples=15, deadline=None)
 def test_it_is_the_element_for_any_S_and_J(S: float, ratio: float, seed: int) -> None:

@@ -46,6 +46,7 @@ def test_a_longer_draw_begins_like_a_shorter_one() -> None:
     assert draw_sticky(3, seed=4) != draw_sticky(3, seed=5)
 
 
+@pytest.mark.long
 def test_every_drawn_loop_stays_in_bounds() -> None:
     """OP, stem and PV of every drawn loop are finite and between 0 and 100 %."""
     for loop in draw_healthy(12, seed=2) + draw_sticky(12, seed=2):

@@ -83,6 +83,7 @@ def test_a_well_tuned_healthy_loop_comes_to_rest(loop: PlantLoop) -> None:
     assert run.truth.period_s is None
 
 
+@pytest.mark.long
 def test_a_badly_tuned_loop_rings() -> None:
     """A healthy valve in a loop at gain margin 1.05 swings widely and is still called healthy."""
     loops = [loop for loop in draw_healthy(24, seed=1) if loop.story == "healthy, badly tuned"]

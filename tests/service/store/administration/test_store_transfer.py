@@ -67,6 +67,7 @@ def numbers_go_on(url: str) -> None:
         store.add_note("FIC-101", datetime(2026, 3, 1, tzinfo=UTC), "n")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("origin", "target"), WAYS)
 def test_a_copy_has_every_value(new_database: NewDatabase, origin: str, target: str) -> None:
     """Each table comes over with every row and value, and the copy works on."""
@@ -92,6 +93,7 @@ def test_a_backup_is_restored_on_either_engine(
     numbers_go_on(second)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("revision", "engine"),
     [
@@ -125,6 +127,7 @@ def test_a_database_with_rows_is_left_alone(store_url: str, tmp_path: Path) -> N
         assert before == rows_of(store_url)
 
 
+@pytest.mark.long
 def test_an_opened_but_empty_database_may_be_filled(
     new_database: NewDatabase, store_url: str, tmp_path: Path
 ) -> None:

@@ -206,6 +206,7 @@ def test_the_stored_numbers_are_enough_to_run_the_model_again(live):
     assert rmse < 0.1 + 1.5 * result.residuals["stiction"].rmse  # MV swings over 12 %
 
 
+@pytest.mark.long
 def test_the_fitted_loop_goes_through_the_curve_from_op_to_stroke(live):
     """On the upper half of a split range S in percent of OP is half of that of travel."""
     read = reader_of(live.store)

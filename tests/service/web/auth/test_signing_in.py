@@ -309,6 +309,7 @@ def test_a_link_can_be_withdrawn_from_the_page(admin: Browser, live: Site) -> No
     assert "for Bob" not in admin.client.get("/users").text
 
 
+@pytest.mark.long
 def test_the_audit_page_filters_and_pages(admin: Browser, live: Site) -> None:
     """By the address, so that a view can be sent; hostile words stay words."""
     for number in range(120):

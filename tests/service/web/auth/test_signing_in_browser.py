@@ -124,6 +124,7 @@ def test_a_token_is_made_and_shown_once(opened: Opened) -> None:
     assert page.get_by_label("Token", exact=True).count() == 0
 
 
+@pytest.mark.long
 def test_an_admin_disables_somebody(opened: Opened, peopled: Site) -> None:
     """Unfolded, clicked, said; the card tells it."""
     page = opened.page("/users")

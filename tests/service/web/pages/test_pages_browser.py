@@ -285,6 +285,7 @@ def test_an_empty_database_is_no_empty_page(windows, store, tmp_path):
     assert at.foreign == []
 
 
+@pytest.mark.long
 def test_a_page_stays_when_the_service_goes(opened):
     """With the network cut, what was drawn stays and a sentence says that it may be old."""
     page = drawn(opened.page(valve_path(STICKY)))
@@ -331,6 +332,7 @@ def test_at_a_desk_the_head_is_one_line(opened, live):
     assert page.evaluate("document.documentElement.scrollWidth") <= 1280
 
 
+@pytest.mark.long
 def test_a_valves_plots_are_drawn_anew_for_paper(opened):
     """As wide as the sheet and in ink, whatever the window and theme; afterwards as before."""
     page = drawn(opened.page(valve_path(STICKY), color_scheme="dark", viewport=DESK))

@@ -94,6 +94,7 @@ def test_a_limit_without_sense_is_said_where_the_form_is(opened: Opened) -> None
     assert page.get_by_label("Minutes").input_value() == "soon"
 
 
+@pytest.mark.long
 def test_the_sheet_to_print_keeps_the_limits(opened: Opened) -> None:
     """The link leads to one page as PDF, with the limits of the page that it stands on."""
     page = opened.page(f"{PATH}&amplitude=4")
@@ -107,6 +108,7 @@ def test_the_sheet_to_print_keeps_the_limits(opened: Opened) -> None:
     assert answer.body().startswith(b"%PDF")
 
 
+@pytest.mark.long
 def test_a_bump_test_fits_on_a_desk(opened: Opened, filled: Store) -> None:
     """The long names of its two stems wrap, so that the column for what was seen stays in sight."""
     run = filled.begin_run(software_version="1")

@@ -188,6 +188,7 @@ def test_what_to_do_next_is_said_once(opened) -> None:
     assert page.get_by_text("What stands above under").count() == 1
 
 
+@pytest.mark.long
 def test_at_a_desk_it_stands_open(opened) -> None:
     """There is room for it there."""
     page = opened(1200)
@@ -195,6 +196,7 @@ def test_at_a_desk_it_stands_open(opened) -> None:
     assert page.locator("details.behind:not([open])").count() == 0
 
 
+@pytest.mark.long
 def test_on_paper_no_plot_is_cut_off(opened) -> None:
     """A plot that was drawn for a wide window is as wide as the sheet."""
     page = opened(1200)

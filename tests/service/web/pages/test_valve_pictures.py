@@ -89,6 +89,7 @@ def test_the_page_shows_what_raises_a_suspicion(live, client) -> None:
     assert "What raises the suspicion" not in page()
 
 
+@pytest.mark.long
 @pytest.mark.browser
 def test_on_a_phone_the_pictures_unfold_when_asked(windows, live) -> None:
     """At a desk they are open, on a phone folded, without scripts open; nothing runs out of the
