@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -63,7 +62,7 @@ def alert_trial(
         )
     _print(played)
     if json_file is not None:
-        json_file.write_text(json.dumps(_as_json(played), indent=1) + "\n", encoding="utf-8")
+        views.write_json(json_file, _as_json(played), allow_nan=True)
     views.say_read_on("alert-trial.md")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -135,7 +134,7 @@ def judge(
             )
     if json_file is not None:
         objects = {file: asdict(score) for file, score in scores.items()}
-        json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")
+        views.write_json(json_file, objects, allow_nan=True)
     views.say_next("the folder's README.md says what each part counts.")
 
 

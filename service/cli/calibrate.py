@@ -84,7 +84,7 @@ def calibrate_mismatch(
                 [v.concealment, v.friction, *(getattr(v, name) for name in KEPT)] for v in valves
             ],
         }
-        json_file.write_text(by_lines(rounded(limits)), encoding="utf-8")
+        views.write_file(json_file, by_lines(rounded(limits)))
     views.say_read_on("method.md")
 
 

@@ -109,10 +109,12 @@ def _write(
 ) -> None:
     if json_file is None:
         return
+    from stemwatch.service.cli import views
+
     report = {
         "seed": seed,
         "valves": valves,
         "limits": [asdict(limit) for limit in limits],
         "recordings": [asdict(recording) for recording in recordings],
     }
-    json_file.write_text(by_lines(rounded(report)), encoding="utf-8")
+    views.write_file(json_file, by_lines(rounded(report)))

@@ -96,8 +96,6 @@ def _compared(recording: Recording, train_share: float, network: bool) -> Compar
 
 
 def _report(comparison: Comparison, out: Path | None, json_file: Path | None) -> None:
-    import json
-
     from stemwatch.service.cli import views
 
     views.out.print(_table(comparison))
@@ -106,8 +104,7 @@ def _report(comparison: Comparison, out: Path | None, json_file: Path | None) ->
             views.say(f"{row.model}: {row.outcome}")
     if json_file is not None:
         objects = [row.as_json() for row in comparison.ranked()]
-        text = json.dumps(objects, allow_nan=False, ensure_ascii=False, indent=1)
-        views.write_file(json_file, text + "\n")
+        views.write_json(json_file, objects)
     if out is not None:
         from stemwatch.service.studies.comparison.comparison_html import html_bytes
 

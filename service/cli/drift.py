@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -50,7 +49,7 @@ def drift(
     show(followed, calibration)
     if json_file is not None:
         report = {"valves": valves, "seed": seed, **as_json(followed, calibration)}
-        json_file.write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        views.write_json(json_file, report)
     views.say_read_on("networks.md")
 
 

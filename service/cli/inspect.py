@@ -78,7 +78,6 @@ def _inspect_exports(
     file: Path, options: ReadOptions, write: Path | None, json_file: Path | None
 ) -> None:
     """Print, and write, what is understood of an export or of a folder of them."""
-    import json
 
     from stemwatch.connectors.historian.proposed_plant import plant_toml
     from stemwatch.service.cli import inspection_views, views
@@ -88,10 +87,9 @@ def _inspect_exports(
     _show([inspection for _, inspection in seen])
     if json_file is not None:
         inspections = [inspection.to_dict() for _, inspection in seen]
-        text = json.dumps(
-            inspections if file.is_dir() else inspections[0], indent=1, ensure_ascii=False
+        views.write_json(
+            json_file, inspections if file.is_dir() else inspections[0], allow_nan=True
         )
-        views.write_file(json_file, text + "\n")
     sources = _sources(file, seen, write, options)
     proposed = plant_toml(sources, _curves(files))
     if write is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -76,8 +75,7 @@ def judge_test(
     test_result = result_of(judge_test(question, recording), name, (recording.start, recording.end))
     views.out.print(_on_terminal(test_result), highlight=False)
     if json_file is not None:
-        text = json.dumps(to_object(test_result), indent=1, ensure_ascii=False, allow_nan=False)
-        views.write_file(json_file, text + "\n")
+        views.write_json(json_file, to_object(test_result))
     if out is not None:
         _write(test_result, request, out)
     elif test_result.rivals:

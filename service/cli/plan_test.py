@@ -3,7 +3,6 @@ open."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -90,8 +89,7 @@ def plan_test(
     sheet = sheet_of(plan, name)
     views.out.print(_on_terminal(sheet), highlight=False)
     if json_file is not None:
-        text = json.dumps(to_object(sheet), indent=1, ensure_ascii=False, allow_nan=False)
-        views.write_file(json_file, text + "\n")
+        views.write_json(json_file, to_object(sheet))
     if out is not None:
         _write(sheet, loaded, recording.read_options.zone or "", out)
     elif sheet.test is not None:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -123,6 +122,4 @@ def _report(marks: Sequence[CaseMark], sealed: Seal, seed: int, json_file: Path 
         highlight=False,
     )
     if json_file is not None:
-        report: dict[str, Any] = as_json(marks, sealed, seed)
-        text = json.dumps(report, allow_nan=False, ensure_ascii=False, indent=1)
-        json_file.write_text(text + "\n", encoding="utf-8")
+        views.write_json(json_file, as_json(marks, sealed, seed))

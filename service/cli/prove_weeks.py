@@ -141,6 +141,8 @@ def _print_each(followed: list[FollowedValve], windows: int) -> None:
 
 
 def _write(followed: list[FollowedValve], json_file: Path) -> None:
+    from stemwatch.service.cli import views
+
     objects = [
         {
             "hidden": list(valve.hidden),
@@ -160,4 +162,4 @@ def _write(followed: list[FollowedValve], json_file: Path) -> None:
         }
         for valve in followed
     ]
-    json_file.write_text(json.dumps(objects) + "\n", encoding="utf-8")
+    views.write_file(json_file, json.dumps(objects) + "\n")

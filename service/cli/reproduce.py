@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -54,8 +53,7 @@ def reproduce(
     results = [finished[index] for index in sorted(finished)]
     show(results, seeds)
     if json_file is not None:
-        text = json.dumps(as_json(results, seeds), indent=1, allow_nan=False)
-        json_file.write_text(text + "\n", encoding="utf-8")
+        views.write_json(json_file, as_json(results, seeds))
     views.say_read_on("paper.md")
 
 

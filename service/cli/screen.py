@@ -218,7 +218,7 @@ def show(result: RunResult, ranking: Ranking, json_file: Path | None) -> None:
     for source, reason in (*result.not_read, *result.not_saved):
         views.say(f"left out: {source}: {reason}")
     if json_file is not None:
-        json_file.write_bytes(result.report.json.read_bytes() + b"\n")
+        views.write_file(json_file, result.report.json.read_bytes() + b"\n")
     for label, path in (
         ("Report", result.report.html),
         ("For maintenance, to print", result.report.html.with_name(PDF)),

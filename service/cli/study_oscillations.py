@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -84,7 +83,7 @@ def study_oscillations(
     for name, value in figures.items():
         views.out.print(f"{name}: {value}", highlight=False)
     if json_file is not None:
-        json_file.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+        views.write_json(json_file, figures, allow_nan=True)
     views.say_read_on("oscillation-groups.md")
 
 

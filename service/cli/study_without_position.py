@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -89,9 +87,7 @@ def study_without_position(
         views.out.print(table)
     views.out.print(_table_together(recorded, list(together_rows(recorded))))
     views.out.print(_table_in_order(recordings, list(in_order_rows(recorded))))
-    if json_file is not None:
-        objects = [{**asdict(answer), "verdict": answer.verdict.value} for answer in answers]
-        json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")
+    views.write_answers(answers, json_file)
     views.say_read_on("without-position.md")
 
 

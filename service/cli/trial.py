@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
@@ -80,8 +79,10 @@ def _print(marks: Sequence[Marked]) -> None:
 
 
 def _write(marks: Sequence[Marked], json_file: Path) -> None:
+    from stemwatch.service.cli import views
+
     objects = [
         {**asdict(mark), "truth": mark.truth.as_json(), "verdict": mark.verdict.value}
         for mark in marks
     ]
-    json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")
+    views.write_json(json_file, objects, allow_nan=True)

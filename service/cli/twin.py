@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -83,8 +82,7 @@ def twin(
     rows = what_ifs(loop, changes)
     views.out.print(_on_terminal(read.valve, loop, rows), highlight=False)
     if json_file is not None:
-        text = json.dumps(to_object(loop, rows), indent=1, ensure_ascii=False, allow_nan=False)
-        views.write_file(json_file, text + "\n")
+        views.write_json(json_file, to_object(loop, rows))
     views.say_next(
         "ask for a change of your own with --s, --j, --gain-times, --reset-times or --knock; "
         "repair where the valve is what costs, tune where it is the controller."

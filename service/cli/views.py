@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.markup import escape as _escape_markup
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from stemwatch.service.report import ReportContext
     from stemwatch.service.studies.miswiring import WiringAnswer
     from stemwatch.service.studies.robustness import StudyAnswer
+    from stemwatch.service.studies.without_position import StudiedLoop
 
 # Seeds that were looked at while the method was made.
 DEVELOPED_WITH = (5151, 6161, 7171, 8181, 8383, 9393)
@@ -69,7 +70,7 @@ def write_file(path: Path, content: str | bytes) -> None:
 
     Raises ``ReportNotWritten`` with the file and what to do.
     """
-    from stemwatch.service.report.write_report import put_all
+    from stemwatch.service.whole_files import put_all
 
     written = content.encode() if isinstance(content, str) else content
     if path.exists() and not path.is_file():  # /dev/stdout, a pipe
@@ -78,13 +79,21 @@ def write_file(path: Path, content: str | bytes) -> None:
         put_all({path.resolve(): written})
 
 
+def write_json(path: Path, value: Any, *, allow_nan: bool = False) -> None:
+    """Write ``value`` as JSON, as ``write_file`` does. Raises ``ValueError`` where it holds a
+    number that is not finite, unless ``allow_nan``."""
+    text = json.dumps(value, allow_nan=allow_nan, ensure_ascii=False, indent=1)
+    write_file(path, text + "\n")
+
+
 def write_answers(
-    answers: Sequence[WiringAnswer] | Sequence[StudyAnswer], json_file: Path | None
+    answers: Sequence[WiringAnswer] | Sequence[StudyAnswer] | Sequence[StudiedLoop],
+    json_file: Path | None,
 ) -> None:
     """The answers of a study, dataclasses with a ``verdict``, as JSON, where a file is named."""
     if json_file is not None:
         objects = [{**asdict(answer), "verdict": answer.verdict.value} for answer in answers]
-        write_file(json_file, json.dumps(objects, indent=1) + "\n")
+        write_json(json_file, objects, allow_nan=True)
 
 
 def say_next(text: str) -> None:

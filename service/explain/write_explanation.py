@@ -18,7 +18,7 @@ from stemwatch.service.report.heatmap import heat_map
 from stemwatch.service.report.html_page import PLOT_SCRIPTS, environment, inlined, template
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
 from stemwatch.service.report.ranking import anchor_of
-from stemwatch.service.report.write_report import put_all
+from stemwatch.service.whole_files import put_all
 
 HERE = "stemwatch.service.explain"
 # An overlay is 60 to 90 KB, and the page must open on a phone.

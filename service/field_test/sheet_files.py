@@ -17,7 +17,7 @@ from stemwatch.service.maintenance.drawing import svg_of
 from stemwatch.service.presenter.wording import instant
 from stemwatch.service.report.html_page import environment
 from stemwatch.service.report.report_context import ReportContext
-from stemwatch.service.report.write_report import put_all
+from stemwatch.service.whole_files import put_all
 
 HTML, PDF, RESULT = "test-plan.html", "test-plan.pdf", "test-result.html"
 SIGNED = ("Done by", "Date, time", "MV followed", "Remarks")

@@ -12,7 +12,7 @@ from stemwatch.service.maintenance.valve_history import NOTHING_KNOWN, ValveHist
 from stemwatch.service.maintenance.work_list import WorkList, work_list_of
 from stemwatch.service.maintenance.work_orders import orders_csv, orders_xlsx
 from stemwatch.service.report.report_context import ReportContext
-from stemwatch.service.report.write_report import put_all
+from stemwatch.service.whole_files import put_all
 
 HTML, PDF = "maintenance.html", "maintenance.pdf"
 ORDERS_XLSX, ORDERS_CSV = "work-orders.xlsx", "work-orders.csv"

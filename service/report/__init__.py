@@ -2,7 +2,8 @@
 
 from stemwatch.service.report.json_contract import to_contract
 from stemwatch.service.report.report_context import ReportContext, SourceNotRead, ValveFacts
-from stemwatch.service.report.write_report import ReportFiles, ReportNotWritten, write_report
+from stemwatch.service.report.write_report import ReportFiles, write_report
+from stemwatch.service.whole_files import ReportNotWritten
 
 __all__ = [
     "ReportContext",

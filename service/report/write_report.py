@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import errno
 import json
-import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -19,6 +17,7 @@ from stemwatch.service.report.json_contract import to_contract
 from stemwatch.service.report.ranking import Ranking, rank_valves
 from stemwatch.service.report.report_context import ReportContext
 from stemwatch.service.report.xlsx_file import write_xlsx
+from stemwatch.service.whole_files import write_all
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,10 +28,6 @@ class ReportFiles:
     csv: Path
     xlsx: Path
     json: Path
-
-
-class ReportNotWritten(OSError):
-    """One or more files of the report could not be written; the others are complete."""
 
 
 Write = Callable[[Ranking, ReportContext, BinaryIO], None]
@@ -66,28 +61,10 @@ def write_report(
         files.html: write_html,
     }
     ranked = rank_valves(screenings, context, evidence)
-    _all_put(
+    write_all(
         {path: partial(write, ranked, context) for path, write in writers.items()},
     )
     return files
-
-
-def put_all(contents: Mapping[Path, bytes]) -> None:
-    """Write every file whole or leave it as it was.
-
-    Raises ``ReportNotWritten``, after writing what can be written, with each file and what to do.
-    """
-    _all_put({path: partial(_write_all, content) for path, content in contents.items()})
-
-
-def _write_all(content: bytes, file: BinaryIO) -> None:
-    file.write(content)
-
-
-def _all_put(writers: Mapping[Path, Callable[[BinaryIO], None]]) -> None:
-    failures = [_put(path, write) for path, write in writers.items()]
-    if failures_found := [failure for failure in failures if failure]:
-        raise ReportNotWritten(" ".join(failures_found))
 
 
 def write_json(ranked: Ranking, context: ReportContext, file: BinaryIO) -> None:
@@ -112,26 +89,3 @@ def write_json(ranked: Ranking, context: ReportContext, file: BinaryIO) -> None:
         file.write((between + text).encode())
         between = ",\n"
     file.write(b"\n]" if len(ranked) else b"[]")
-
-
-def _put(path: Path, write: Callable[[BinaryIO], None]) -> str:
-    """Write to a temporary file beside ``path``, then rename, so that nobody opens half a report.
-    Returns the error, if any."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with temporary.open("wb") as file:
-            write(file)
-        temporary.replace(path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        mend = "make room on its disk" if is_full(error) else "close the program that has it open"
-        return (
-            f"{path}: could not be written ({error.strerror or error}); "
-            f"{mend}, or choose another folder, and run again."
-        )
-    return ""
-
-
-def is_full(error: OSError) -> bool:
-    """Whether a disk, or the share of it that a user may have, is full."""
-    return error.errno in (errno.ENOSPC, errno.EDQUOT)

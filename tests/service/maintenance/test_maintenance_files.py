@@ -24,7 +24,7 @@ from stemwatch.service.maintenance.work_orders import (
     orders_csv,
     orders_xlsx,
 )
-from stemwatch.service.report.write_report import ReportNotWritten
+from stemwatch.service.whole_files import ReportNotWritten
 from tests.service.maintenance.example_work_list import (
     BACKGROUND,
     HOSTILE,
