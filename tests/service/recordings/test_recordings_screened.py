@@ -16,7 +16,9 @@ import pytest
 
 pytestmark = [pytest.mark.recordings, pytest.mark.early]
 
-FOLDERS = ("damadics", "uolab", "refinery", "isdb", "emps", "cascaded_tanks", "historian_faults")
+QUICK = ("damadics", "uolab", "emps", "cascaded_tanks", "historian_faults")
+LARGE = ("refinery", "isdb")
+FOLDERS = [*QUICK, *(pytest.param(folder, marks=pytest.mark.long) for folder in LARGE)]
 Valves = list[dict[str, Any]]
 Screened = Callable[..., tuple[Any, Valves]]
 
@@ -39,13 +41,7 @@ def labels(recordings: Path, folder: str, key: str, value: str) -> dict[str, str
         return {row[key]: row[value] for row in csv.DictReader(table)}
 
 
-@pytest.mark.parametrize(
-    "folder",
-    [
-        pytest.param(folder, marks=[pytest.mark.long] if folder in ("isdb", "refinery") else [])
-        for folder in FOLDERS
-    ],
-)
+@pytest.mark.parametrize("folder", FOLDERS)
 def test_every_folder_is_screened(screened: Screened, folder: str) -> None:
     """Each folder ends with 0; whoever gets no verdict gets the reason and what is still seen."""
     outcome, valves = screened(folder)
@@ -72,7 +68,7 @@ def test_no_fit_breaks_down(screened: Screened, folder: str) -> None:
     assert [] == [valve["reason"] for valve in valves if "broke down" in valve["reason"]]
 
 
-@pytest.mark.parametrize("folder", [name for name in FOLDERS if name != "damadics"])
+@pytest.mark.parametrize("folder", FOLDERS[1:])
 def test_no_verdict_without_a_position(screened: Screened, folder: str) -> None:
     """Only one folder has a measured position that is found by itself: no other has a verdict."""
     _, valves = screened(folder)
@@ -124,6 +120,7 @@ def test_a_position_that_is_missing_is_not_made_up(screened: Screened) -> None:
     assert "there is no valve position" in valve["reason"]
 
 
+@pytest.mark.long
 def test_every_refinery_file_is_read(screened: Screened, recordings: Path) -> None:
     """All recordings are screened, the table of labels is left out, and both by name."""
     outcome, valves = screened("refinery")
@@ -133,6 +130,7 @@ def test_every_refinery_file_is_read(screened: Screened, recordings: Path) -> No
     assert "labels.csv: no row of numbers was found" in outcome.said
 
 
+@pytest.mark.long
 def test_a_state_code_is_no_measurement(screened: Screened) -> None:
     """Where PV is a state code read as a float, that is what is said of it."""
     _, valves = screened("refinery")
@@ -141,6 +139,7 @@ def test_a_state_code_is_no_measurement(screened: Screened) -> None:
     assert all("hardly any usable sample" in " ".join(valve["still_seen"]) for valve in coded)
 
 
+@pytest.mark.long
 def test_an_output_that_is_not_percent_is_not_read_as_percent(screened: Screened) -> None:
     """An OP of 389 to 396 is said not to be percent."""
     _, valves = screened("refinery")
@@ -148,6 +147,7 @@ def test_an_output_that_is_not_percent_is_not_read_as_percent(screened: Screened
     assert "unknown unit" in " ".join(valve["quality"]["reasons"])
 
 
+@pytest.mark.long
 def test_an_oscillation_is_seen_and_not_blamed_on_the_valve(
     screened: Screened, recordings: Path
 ) -> None:

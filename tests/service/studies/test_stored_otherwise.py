@@ -12,6 +12,9 @@ from stemwatch.models.stickslip.fit import fit_stickslip
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.studies.robustness import WAYS, StudiedValve, draw_valves, recorded
 
+# Drawing the valves takes half a minute.
+pytestmark = pytest.mark.long
+
 SQUARE_ROOT = "square root between OP and stroke"
 
 
@@ -29,7 +32,6 @@ def screened(recording: Recording) -> Screening:
     return found
 
 
-@pytest.mark.long
 def test_an_s_that_a_little_error_of_the_curve_explains_is_no_verdict(valves):
     """OP turns round seven times and the curve is 1.1 % of travel off: S of 1.9 % where it is 0.1 %
     is not certain, and the reason says what else fits."""
@@ -44,13 +46,11 @@ def test_a_curve_is_no_excuse_where_op_is_percent_of_travel(valves):
     assert not curve_is_enough(fit_stickslip(recorded(valves[76])))
 
 
-@pytest.mark.long
 def test_a_sticking_valve_behind_a_curve_stays_sticky(valves):
     """Where the stem sticks, no curve follows it as well."""
     assert screened(stored(valves[0], SQUARE_ROOT)).verdict is Verdict.STICKY
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(("place", "way"), [(1, SQUARE_ROOT), (71, "exception reporting of 0.5 %")])
 def test_pv_and_set_point_are_not_taken_for_the_output(valves, place, way):
     """PV answers the position, and a set point changes less often than an output: neither is OP,

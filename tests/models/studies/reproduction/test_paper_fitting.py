@@ -56,6 +56,7 @@ def test_the_gradient_is_that_of_the_runs_error(horizon: int) -> None:
         assert float(gradient[at]) == pytest.approx(slope, rel=1e-5, abs=1e-8)
 
 
+@pytest.mark.long
 def test_a_linear_valve_is_found_by_the_linear_network() -> None:
     """From two random starts, series-parallel and then on free runs, to the last digits."""
     u, y = signals(300)
