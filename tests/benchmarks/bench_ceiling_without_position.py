@@ -1,6 +1,6 @@
 """What is possible without a position: a likelihood ratio that knows the loop, beside the product.
 
-    python tests/benchmarks/bench_ceiling_without_position.py [--seed S] [--loops N]
+    python -m tests.benchmarks.bench_ceiling_without_position [--seed S] [--loops N]
 
 Own loops of ``stemwatch study-without-position`` are judged by the ratio of the likelihoods of PV
 with a stem that sticks and with a sound one, each averaged over how stems are drawn (Neyman and
@@ -22,7 +22,10 @@ import numpy as np
 
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.loops.draws import WARM_UP, DrawnLoop, LoopScans, draw_with_scans
-from stemwatch.models.studies.loops.stem_filter import (
+from stemwatch.models.without_position.suspicion import Suspicion, trained_judge
+from stemwatch.service.studies.roc import area_under_roc
+from stemwatch.service.studies.without_position import LoopToDraw, look_item, studied
+from tests.benchmarks.stem_filter import (
     NO_WAVE,
     KnownLoop,
     behind_air,
@@ -30,9 +33,6 @@ from stemwatch.models.studies.loops.stem_filter import (
     stem_likelihood,
     wave_of,
 )
-from stemwatch.models.without_position.suspicion import Suspicion, trained_judge
-from stemwatch.service.studies.roc import area_under_roc
-from stemwatch.service.studies.without_position import LoopToDraw, look_item, studied
 
 LEFT_OUT = "sensor"  # loops whose sensor has play: behind it PV is not Gaussian
 SWINGS, SIZES = (0.0, 5.0, 8.0, np.inf), (1.0, 2.0, 4.0, 8.0)

@@ -1,9 +1,9 @@
 """What a likelihood ratio adds whose process is fitted, beside the score without a position.
 
-    python tests/benchmarks/bench_followed_stem.py [--train N] [--seed S ...] [--loops N]
+    python -m tests.benchmarks.bench_followed_stem [--train N] [--seed S ...] [--loops N]
 
 Small networks weigh the numbers of ``models.without_position.features`` and the shipped networks'
-answer, once without and once with the numbers of ``models.studies.loops.followed_stem``. They learn
+answer, once without and once with the numbers of ``tests.benchmarks.followed_stem``. They learn
 from own loops of seed ``--train-seed``; each result times P(S > 0.4 %), as the score has it, is
 judged on the families of ``stemwatch study-without-position``.
 """
@@ -19,7 +19,6 @@ import numpy as np
 import torch
 
 from stemwatch.models.recording import Floats
-from stemwatch.models.studies.loops.followed_stem import NAMES, followed_stem
 from stemwatch.models.without_position.network import LoopScore
 from stemwatch.models.without_position.no_sign import logit
 from stemwatch.models.without_position.suspicion import (
@@ -33,6 +32,7 @@ from stemwatch.models.without_position.suspicion import (
 )
 from stemwatch.service.studies.roc import area_under_roc, sensitivity
 from stemwatch.service.studies.without_position import FAMILIES, LoopToDraw
+from tests.benchmarks.followed_stem import NAMES, followed_stem
 
 ENSEMBLE, HIDDEN, BATCH, PASSES = 8, 16, 128, 40
 FARTHEST, NOISE = 3.0, 0.1  # standard deviations of an input

@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
-from stemwatch.models.studies.loops.stem_filter import move, resample, stems_at_rest
 from stemwatch.models.without_position.hammerstein import block_means, element
+from tests.benchmarks.stem_filter import move, resample, stems_at_rest
 
 NAMES = (
     "likelier with a stem that sticks",

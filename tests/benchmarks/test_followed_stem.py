@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import lfilter
 
 from stemwatch.models.recording import Floats
-from stemwatch.models.studies.loops.followed_stem import FEWEST_VALUES, NAMES, followed_stem
 from stemwatch.models.without_position.hammerstein import element
+from tests.benchmarks.followed_stem import FEWEST_VALUES, NAMES, followed_stem
 
 GAIN, S = NAMES.index("likelier with a stem that sticks"), NAMES.index("S that is followed")
 

@@ -7,7 +7,6 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import multivariate_normal
 
-from stemwatch.models.studies.loops import stem_filter
 from stemwatch.models.studies.loops.draws import (
     WARM_UP,
     LoopScans,
@@ -15,7 +14,8 @@ from stemwatch.models.studies.loops.draws import (
     draw_with_scans,
     many_scales,
 )
-from stemwatch.models.studies.loops.stem_filter import (
+from tests.benchmarks import stem_filter
+from tests.benchmarks.stem_filter import (
     NO_WAVE,
     KnownLoop,
     Wave,
