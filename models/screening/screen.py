@@ -56,7 +56,7 @@ from stemwatch.models.signals.oscillation import signal_oscillation
 from stemwatch.models.signals.position_histograms import position_histograms
 from stemwatch.models.stickslip.change_of_stiction import ChangeOfStiction, change_of_stiction
 from stemwatch.models.stickslip.events import SlipEvents
-from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
+from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import (
     StickSlipSample,
     bootstrap,
@@ -512,6 +512,7 @@ def _with_verdict(
         steps=way_in_a_sample(fit.evaluator.problem) if fit.in_steps else 0.0,
         changed=_changed(fitted, fit, mismatch),
         leads_s=fitted.late_s if fitted.perhaps_exchanged else 0.0,
+        without_lag=_without_lag(fitted, fit),
     )
     judgement = decide(evidence, limits)
     if not judgement.numbers_hold:
@@ -543,6 +544,14 @@ def _slow(fit: StickSlipFit, mismatch: Mismatch | None) -> str:
     if mismatch is None or mismatch.finding is Finding.NOT_TESTABLE:
         return slowness(fit)
     return beside_friction(mismatch)
+
+
+def _without_lag(fitted: _Fitted, fit: StickSlipFit) -> float:
+    """S of S and J alone, percent of OP, where a lag was fitted as well; else 0."""
+    if fit.hypothesis != "both":
+        return 0.0
+    S = S_and_J(fit.naive)[0]
+    return S if fitted.curve is None else S / abs(fitted.curve.slope)
 
 
 def _changed(
