@@ -231,19 +231,23 @@ def _not_described(unexplained: str, sampling: str) -> Decision:
 
 def _large_S(evidence: DecisionEvidence, limits: Limits, *, friction: bool) -> Decision:
     """Sticky, unless something without friction fits as well."""
-    would_fit = f"S of {_width(evidence)} would fit, but"
     if evidence.curve_is_enough:
-        return _cannot_tell(
-            f"{would_fit} a curve from OP to stroke that is a little different, without friction, "
-            "fits as well",
-            f"Give the valve's curve in the plant file if it is known. {LONGER}",
-        )
+        return _curve_fits_as_well(evidence)
     if friction:
         return _sticky(evidence, limits)
     return _cannot_tell(
-        f"{would_fit} a slow actuator without friction fits as well",
+        f"S of {_width(evidence)} would fit, but a slow actuator without friction fits as well",
         SLOW_OR_STICKING,
         NoVerdict.SLOW_ACTUATOR,
+    )
+
+
+def _curve_fits_as_well(evidence: DecisionEvidence) -> Decision:
+    """No verdict where what a curve from OP to stroke is off by looks like a dead band."""
+    return _cannot_tell(
+        f"S of {_width(evidence)} would fit, but a curve from OP to stroke that is a little "
+        "different, without friction, fits as well",
+        f"Give the valve's curve in the plant file if it is known. {LONGER}",
     )
 
 
@@ -289,6 +293,8 @@ def _some_friction(evidence: DecisionEvidence, low: float, high: float, limits: 
         because, advice = _why_wide(evidence)
         between = f"S lies anywhere between {_percent(low)} and {_percent(high)}"
         return _cannot_tell(f"{between}{because}", advice)
+    if evidence.curve_is_enough:
+        return _curve_fits_as_well(evidence)
     if evidence.pulses is not None and evidence.pulses.percent > float(evidence.S.value or 0.0):
         return _pulses(evidence.pulses)
     share = _share(evidence.S_draws >= limits.watch_S_percent)

@@ -104,6 +104,8 @@ class Options:
 DEFAULTS = Options()
 
 GROWING = "growing_stiction"
+# A reading that is off, or wanders slowly, is no cause of a swing.
+STANDS_OFF = frozenset(("bowed_linkage", "sensor_drift", "span_error", "zero_shift"))
 SLOW_ACTUATOR = (
     "Friction behind a slow actuator follows the part of the recording that was not fitted far "
     "better than friction with other physics: nothing else is named."
@@ -570,7 +572,8 @@ def _changed(
 def _own_swing(fit: StickSlipFit, mismatch: Mismatch | None) -> OwnSwing | None:
     """The swing of the position that its command does not have, where nothing was named that may
     be its cause."""
-    if mismatch is not None and mismatch.effects:
+    named = () if mismatch is None else mismatch.effects
+    if any(one.slug not in STANDS_OFF for one in named):
         return None
     return own_swing(fit.evaluator.problem, fit.evaluator.simulate(fit.candidate, resynced=True))
 

@@ -261,6 +261,15 @@ def test_a_lead_of_the_position_halves_the_confidence(S, verdict):
     assert "moves 3 s before OP" in decision.reason
 
 
+@pytest.mark.parametrize("S", [1.0, 1.4, 5.0])
+def test_where_another_curve_fits_as_well_no_friction_is_said(S):
+    """What a curve from OP to stroke is off by looks like a dead band: neither watch nor sticky."""
+    decision = decide(evidence(S, curve_is_enough=True), LIMITS)
+    assert decision.verdict is Verdict.UNDETERMINED
+    assert "a curve from OP to stroke" in decision.reason
+    assert decide(evidence(S), LIMITS).verdict in (Verdict.WATCH, Verdict.STICKY)
+
+
 @pytest.mark.parametrize(
     ("without_lag", "rmse", "sigma", "verdict"),
     [
