@@ -74,6 +74,10 @@ FASTER = (
     "Have OP and position archived faster, without averages and exception reports, and screen it "
     "again."
 )
+SLOW_OR_STICKING = (
+    "Step OP by 1 % and then by 5 %: a slow actuator follows both, a sticking stem only the larger "
+    "one."
+)
 MORE = " (and {} more, see data quality)"  # obstacles that the sentence does not name
 
 
@@ -108,6 +112,7 @@ class DecisionEvidence:
     changed: ChangeOfStiction | None = None  # S within the recording, in percent of OP
     curve_is_enough: bool = False  # another curve from OP to stroke fits as well as friction
     leads_s: float = 0.0  # by which the position moves first, where it may be OP itself
+    without_lag: float = 0.0  # percent: S where a lag was fitted and is left out, else 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,20 +231,23 @@ def _not_described(unexplained: str, sampling: str) -> Decision:
 
 def _large_S(evidence: DecisionEvidence, limits: Limits, *, friction: bool) -> Decision:
     """Sticky, unless something without friction fits as well."""
-    would_fit = f"S of {_width(evidence)} would fit, but"
     if evidence.curve_is_enough:
-        return _cannot_tell(
-            f"{would_fit} a curve from OP to stroke that is a little different, without friction, "
-            "fits as well",
-            f"Give the valve's curve in the plant file if it is known. {LONGER}",
-        )
+        return _curve_fits_as_well(evidence)
     if friction:
         return _sticky(evidence, limits)
     return _cannot_tell(
-        f"{would_fit} a slow actuator without friction fits as well",
-        "Step OP by 1 % and then by 5 %: a slow actuator follows both, a sticking stem only "
-        "the larger one.",
+        f"S of {_width(evidence)} would fit, but a slow actuator without friction fits as well",
+        SLOW_OR_STICKING,
         NoVerdict.SLOW_ACTUATOR,
+    )
+
+
+def _curve_fits_as_well(evidence: DecisionEvidence) -> Decision:
+    """No verdict where what a curve from OP to stroke is off by looks like a dead band."""
+    return _cannot_tell(
+        f"S of {_width(evidence)} would fit, but a curve from OP to stroke that is a little "
+        "different, without friction, fits as well",
+        f"Give the valve's curve in the plant file if it is known. {LONGER}",
     )
 
 
@@ -285,6 +293,8 @@ def _some_friction(evidence: DecisionEvidence, low: float, high: float, limits: 
         because, advice = _why_wide(evidence)
         between = f"S lies anywhere between {_percent(low)} and {_percent(high)}"
         return _cannot_tell(f"{between}{because}", advice)
+    if evidence.curve_is_enough:
+        return _curve_fits_as_well(evidence)
     if evidence.pulses is not None and evidence.pulses.percent > float(evidence.S.value or 0.0):
         return _pulses(evidence.pulses)
     share = _share(evidence.S_draws >= limits.watch_S_percent)
@@ -318,6 +328,15 @@ def _not_followed(evidence: DecisionEvidence, limits: Limits) -> str | None:
         "a free run with S and J does not follow the part of the recording that was not fitted "
         f"(fit {residual.fit_percent:.0f} %), and nothing that would explain it was found"
     )
+
+
+def _lag_hides_friction(evidence: DecisionEvidence, limits: Limits) -> bool:
+    """Whether a lag took the place of a friction that would be sticky, and does not follow: where
+    OP moves between its samples, a stem that creeps behind it looks like a slow one."""
+    residual = evidence.following
+    if residual is None or evidence.without_lag < limits.sticky_S_percent:
+        return False
+    return residual.rmse > max(3.0 * evidence.sigma, NEGLIGIBLE_PERCENT)
 
 
 def _healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
@@ -403,6 +422,17 @@ def _moved_otherwise(evidence: DecisionEvidence, limits: Limits) -> Decision | N
         return _hunts(evidence.swings, evidence.unit_s)
     if evidence.pulses is not None:
         return _pulses(evidence.pulses)
+    if _lag_hides_friction(evidence, limits):
+        assert evidence.following is not None
+        return _cannot_tell(
+            "a slow actuator without friction would explain how the stem lags behind OP, and so "
+            f"would an S of {_percent(evidence.without_lag)}; neither follows the part of the "
+            "recording that was not fitted (on average "
+            f"{_percent(evidence.following.rmse)} of travel off)",
+            f"{SLOW_OR_STICKING} {FASTER}",
+            NoVerdict.SLOW_ACTUATOR,
+            numbers_hold=False,
+        )
     not_followed = _not_followed(evidence, limits)
     if not_followed is not None:
         return _cannot_tell(not_followed, STEPPED, NoVerdict.NOT_FOLLOWED, numbers_hold=False)

@@ -56,7 +56,7 @@ from stemwatch.models.signals.oscillation import signal_oscillation
 from stemwatch.models.signals.position_histograms import position_histograms
 from stemwatch.models.stickslip.change_of_stiction import ChangeOfStiction, change_of_stiction
 from stemwatch.models.stickslip.events import SlipEvents
-from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
+from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import (
     StickSlipSample,
     bootstrap,
@@ -104,6 +104,8 @@ class Options:
 DEFAULTS = Options()
 
 GROWING = "growing_stiction"
+# A reading that is off, or wanders slowly, is no cause of a swing.
+STANDS_OFF = frozenset(("bowed_linkage", "sensor_drift", "span_error", "zero_shift"))
 SLOW_ACTUATOR = (
     "Friction behind a slow actuator follows the part of the recording that was not fitted far "
     "better than friction with other physics: nothing else is named."
@@ -512,6 +514,7 @@ def _with_verdict(
         steps=way_in_a_sample(fit.evaluator.problem) if fit.in_steps else 0.0,
         changed=_changed(fitted, fit, mismatch),
         leads_s=fitted.late_s if fitted.perhaps_exchanged else 0.0,
+        without_lag=_without_lag(fitted, fit),
     )
     judgement = decide(evidence, limits)
     if not judgement.numbers_hold:
@@ -545,6 +548,14 @@ def _slow(fit: StickSlipFit, mismatch: Mismatch | None) -> str:
     return beside_friction(mismatch)
 
 
+def _without_lag(fitted: _Fitted, fit: StickSlipFit) -> float:
+    """S of S and J alone, percent of OP, where a lag was fitted as well; else 0."""
+    if fit.hypothesis != "both":
+        return 0.0
+    S = S_and_J(fit.naive)[0]
+    return S if fitted.curve is None else S / abs(fitted.curve.slope)
+
+
 def _changed(
     fitted: _Fitted, fit: StickSlipFit, mismatch: Mismatch | None
 ) -> ChangeOfStiction | None:
@@ -561,7 +572,8 @@ def _changed(
 def _own_swing(fit: StickSlipFit, mismatch: Mismatch | None) -> OwnSwing | None:
     """The swing of the position that its command does not have, where nothing was named that may
     be its cause."""
-    if mismatch is not None and mismatch.effects:
+    named = () if mismatch is None else mismatch.effects
+    if any(one.slug not in STANDS_OFF for one in named):
         return None
     return own_swing(fit.evaluator.problem, fit.evaluator.simulate(fit.candidate, resynced=True))
 

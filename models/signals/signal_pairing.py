@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +37,8 @@ WIDEST_STEP_PERCENT = 1.0  # of a recorder of OP; in wider ones a person sets it
 STRETCHES, FEWEST_IN_STRETCH = 25, 10  # of a record, and samples in one
 SUMMED, TOWARDS_COMMAND = 0.9, (-0.5, 0.1)
 SETTLED_S = 30.0  # of the own clock, after which a stem has followed a constant OP
+# Rests of OP from which it shows that the stem is at OP's place at their ends, and the correlation.
+RESTS_TOLD, COMES_TO_OP = 6, 0.95
 AT_ITS_END, AFTER_THE_END = 6, 3  # samples of a rest of OP at its end, and those left out first
 
 
@@ -150,15 +153,42 @@ def lag_one_correlation(recording: Recording) -> float:
 
 
 def moved_without_command(recording: Recording) -> float:
-    """Share of the position's travel while OP has been constant for long, 0 to 1."""
+    """Share of the position's travel while OP has been constant for long, 0 to 1.
+
+    A positioner that overshoots brings the stem to OP's place at last. Where the stem is there at
+    the end of each rest of OP, it counts at most twice what it does in the second half of them.
+    """
     op, mv = _pairs(recording)
     if not op.size:
         return 0.0
-    least = _least_move(recording, op, mv)
-    settled = max(round(SETTLED_S / recording.interval_s), 2)
+    least, settled = _least_move(recording, op, mv), _settled_samples(recording)
     path = travel(mv, least)
-    runs = [(first + settled, last) for first, last in equal_runs(op) if last - first > 2 * settled]
-    return sum(travel(mv[first:last], least) for first, last in runs) / path if path else 0.0
+    if not path:
+        return 0.0
+    rests = [run for run in equal_runs(op) if run[1] - run[0] > 2 * settled]
+    alone = sum(travel(mv[first + settled : last], least) for first, last in rests)
+    if _comes_to_op(op, mv, rests):
+        at_last = sum(travel(mv[(first + last) // 2 : last], least) for first, last in rests)
+        alone = min(alone, 2.0 * at_last)
+    return float(alone / path)
+
+
+def _settled_samples(recording: Recording) -> int:
+    """Samples after which a stem has followed an OP that rests."""
+    return max(round(SETTLED_S / recording.interval_s), 2)
+
+
+def _comes_to_op(op: Floats, mv: Floats, rests: Sequence[tuple[int, int]]) -> bool:
+    """Whether the position's mean over the last quarter of the ``rests`` of OP goes with OP."""
+    if len(rests) < RESTS_TOLD:
+        return False
+    at_last = np.array(
+        [np.mean(mv[last - max((last - first) // 4, 1) : last]) for first, last in rests]
+    )
+    levels = op[[first for first, _ in rests]]
+    if np.ptp(levels) == 0.0 or np.ptp(at_last) == 0.0:
+        return False
+    return bool(np.corrcoef(levels, at_last)[0, 1] >= COMES_TO_OP)
 
 
 def _least_move(recording: Recording, op: Floats, mv: Floats) -> float:
@@ -171,20 +201,35 @@ def _least_move(recording: Recording, op: Floats, mv: Floats) -> float:
 
 def to_and_fro_at_the_end(recording: Recording) -> float:
     """Share of the position's travel, 0 to 1, that it makes to and fro while OP rests at the lowest
-    or highest value it has. A stem may still arrive then, but it does not turn round.
+    or highest value it has. A stem may still arrive then, but it does not turn round. Of a long
+    rest of OP the second half counts twice where the stem has come to OP's place by then.
     """
     op, mv = _pairs(recording)
     if not op.size:
         return 0.0
-    least = _least_move(recording, op, mv)
+    least, settled = _least_move(recording, op, mv), _settled_samples(recording)
     path, ends = travel(mv, least), (op.min(), op.max())
     rests = [
         mv[first + AFTER_THE_END : last]
         for first, last in equal_runs(op)
         if last - first >= AT_ITS_END and op[first] in ends
     ]
-    turned = sum(max(travel(rest, least) - abs(rest[-1] - rest[0]), 0.0) for rest in rests)
-    return float(turned) / path if path else 0.0
+    long = [run for run in equal_runs(op) if run[1] - run[0] > 2 * settled]
+    settles = _comes_to_op(op, mv, long)
+    turned = sum(
+        2.0 * _to_and_fro(rest[rest.size // 2 :], least)
+        if settles and rest.size > 2 * settled
+        else _to_and_fro(rest, least)
+        for rest in rests
+    )
+    return turned / path if path else 0.0
+
+
+def _to_and_fro(positions: Floats, least: float) -> float:
+    """How much further a stem went, percent, than from the first of ``positions`` (n,) to the
+    last; moves below ``least`` do not count.
+    """
+    return max(float(travel(positions, least) - abs(positions[-1] - positions[0])), 0.0)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from stemwatch.connectors.historian.tags.tag_names import (
     TagName,
     instrument,
+    is_position_transmitter,
     number,
     parse_tag,
 )
@@ -145,17 +146,19 @@ def _propose_cv(candidate: Candidate, everyone: Sequence[Candidate]) -> Candidat
 
 
 def _pair_positions(candidates: list[Candidate]) -> list[Candidate]:
-    """``ZT-101`` belongs to the one loop that has an OP and the same number."""
+    """``ZT-101``, or its measured value ``ZT-101.PV``, belongs to the one loop that has an OP and
+    the same number."""
     outputs = {candidate.valve for candidate in candidates if candidate.role is Role.OP}
     out = []
     for candidate in candidates:
-        if candidate.role is Role.MV and candidate.valve not in outputs:
+        measured = candidate.role is Role.PV and is_position_transmitter(candidate.valve)
+        if (candidate.role is Role.MV or measured) and candidate.valve not in outputs:
             same_number = [
                 valve for valve in outputs if number(valve) == number(candidate.valve) != ""
             ]
             if len(same_number) == 1:
                 reason = f"position transmitter with the number of {same_number[0]}"
-                candidate = replace(candidate, valve=same_number[0], remark=reason)
+                candidate = replace(candidate, role=Role.MV, valve=same_number[0], remark=reason)
         out.append(candidate)
     return out
 

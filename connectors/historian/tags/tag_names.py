@@ -79,6 +79,11 @@ def _block_role(block: str, word: str) -> Role | None:
     return None
 
 
+def is_position_transmitter(loop: str) -> bool:
+    """Whether the letters of ``ZT-101`` say that its measured value is a position."""
+    return _POSITION_LOOP.match(loop) is not None
+
+
 def instrument(loop: str) -> str:
     """What the tags of one loop share whatever their function: ``FIC-400B`` and ``FIT-400B`` are
     both ``F-400B``. Empty where the name has no such form."""

@@ -18,7 +18,15 @@ from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.stem_model import stem as stem_number
 from stemwatch.models.mismatch.stem_model.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._common import StemTerm, about_value, either_sign, number, size
+from stemwatch.models.mismatch.terms._common import (
+    CALIBRATE_FROM_PERCENT,
+    CALIBRATE_LATER,
+    StemTerm,
+    about_value,
+    either_sign,
+    number,
+    size,
+)
 from stemwatch.models.recording import Floats
 
 WAVES = (1, 2, 3)
@@ -33,6 +41,7 @@ class SensorDrift(StemTerm):
     order = 70
     words = Words(
         of_record=True,
+        no_work=CALIBRATE_LATER,
         plain="the position reading wanders slowly over the record",
         decide=(
             "Read MV with the valve on its seat or against a stop at the beginning and at the "
@@ -87,6 +96,12 @@ class SensorDrift(StemTerm):
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """The reading wanders by half a percent over the record."""
         return bool(np.ptp(_course(values)) >= MATERIAL_PERCENT)
+
+    def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
+        """It goes up and down by less than a stroke check finds fault with; what drifts one way
+        goes on."""
+        over = float(np.ptp(_course(values)))
+        return over < CALIBRATE_FROM_PERCENT and abs(float(values[0])) < STRAIGHT * over
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """From the first to the last reading, positive upwards, and from lowest to highest."""

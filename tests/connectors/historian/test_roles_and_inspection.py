@@ -123,6 +123,16 @@ def source(open_text) -> HistorianFile:
     return open_text(export(), "plant.csv")
 
 
+def test_the_measured_value_of_a_position_transmitter_is_the_position():
+    """ZT-101.PV belongs to FIC-101, beside the loop's own PV; GT1.PV of a loop GT1 is a PV."""
+    tags = ("FIC-101.OP", "FIC-101.PV", "ZT-101.PV", "GT1.OP", "GT1.PV")
+    found = propose_roles([(tag, "%", "", None) for tag in tags], stem="f", mv_is_output=False)
+    seen = {candidate.tag: (candidate.valve, candidate.role) for candidate in found}
+    assert seen["ZT-101.PV"] == ("FIC-101", Role.MV)
+    assert seen["FIC-101.PV"] == ("FIC-101", Role.PV)
+    assert seen["GT1.PV"] == ("GT1", Role.PV)
+
+
 def test_inspection_says_what_was_understood(source: HistorianFile) -> None:
     """Encoding, separator, rows, interval, and the times in UTC."""
     seen = source.inspect()

@@ -14,7 +14,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.record_checks.data_quality import Obstacle
 from stemwatch.models.screening_result import Residual
 from stemwatch.models.stickslip.stored_range import StoredRange
-from stemwatch.models.verdict import Shape, Verdict
+from stemwatch.models.verdict import NoVerdict, Shape, Verdict
 
 LIMITS = Limits()
 GOOD_FIT = Residual(rmse=0.2, normalised=0.1)
@@ -259,3 +259,33 @@ def test_a_lead_of_the_position_halves_the_confidence(S, verdict):
     decision = decide(evidence(S, 0.1, J=0.0, leads_s=3.0), LIMITS)
     assert (decision.verdict, decision.confidence) == (verdict, 0.5)
     assert "moves 3 s before OP" in decision.reason
+
+
+@pytest.mark.parametrize("S", [1.0, 1.4, 5.0])
+def test_where_another_curve_fits_as_well_no_friction_is_said(S):
+    """What a curve from OP to stroke is off by looks like a dead band: neither watch nor sticky."""
+    decision = decide(evidence(S, curve_is_enough=True), LIMITS)
+    assert decision.verdict is Verdict.UNDETERMINED
+    assert "a curve from OP to stroke" in decision.reason
+    assert decide(evidence(S), LIMITS).verdict in (Verdict.WATCH, Verdict.STICKY)
+
+
+@pytest.mark.parametrize(
+    ("without_lag", "rmse", "sigma", "verdict"),
+    [
+        (4.8, 1.0, 0.1, Verdict.UNDETERMINED),
+        (4.8, 0.4, 0.1, Verdict.HEALTHY),  # the lag follows the stem
+        (4.8, 1.0, 0.4, Verdict.HEALTHY),  # to its noise
+        (1.4, 1.0, 0.1, Verdict.HEALTHY),  # no sticking friction without the lag either
+    ],
+)
+def test_a_lag_in_the_place_of_friction_must_follow_the_stem(without_lag, rmse, sigma, verdict):
+    """A small S beside a lag is no proof of health where S alone would be sticking, and what was
+    not fitted is followed neither way."""
+    seen = evidence(0.1, 0.1, without_lag=without_lag, sigma=sigma)
+    decision = decide(replace(seen, following=Residual(rmse=rmse, normalised=0.3)), LIMITS)
+    assert decision.verdict is verdict
+    if verdict is Verdict.UNDETERMINED:
+        assert decision.no_verdict is NoVerdict.SLOW_ACTUATOR
+        assert not decision.numbers_hold
+        assert "S of 4.8 %" in decision.reason

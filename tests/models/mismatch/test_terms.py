@@ -104,6 +104,7 @@ AS_BUILT = [
     ("load_by_position", [20.0, 0.0, -3.0]),
     ("motor_drive", [20.0, 3.0, 0.0]),
     ("rate_limit", [1 / 3.2]),
+    ("sensor_drift", [0.2, 1.5, 0.0, 0.0]),
     ("slip_overshoot", [4.0]),
     ("span_error", [-0.039]),
     ("viscous_drag", [1.5]),

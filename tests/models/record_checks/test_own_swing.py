@@ -84,20 +84,24 @@ def test_too_few_samples_in_a_row_are_no_ground():
 
 def test_a_stem_that_hunts_is_not_called_healthy():
     """A stem that does not stick and swings by 3 % without its command has no verdict; the reason
-    says how far and how often, and no S is shown. Without the swing it is healthy."""
+    says how far and how often, and no S is shown. Without the swing it is healthy. A reading that
+    is off as well is no cause of a swing."""
     draw = np.random.default_rng(5)
     op = steps() + np.cumsum(0.02 * draw.standard_normal(N))
-    still, hunts = (
+    still, hunts, off_too = (
         Recording(
             valve="V",
             signals={Role.OP: Signal.good(op, "OP"), Role.MV: Signal.good(mv + noise(0.05), "MV")},
             interval_s=1.0,
         )
-        for mv in (op, op + hunting(5.0, 3.0))
+        for mv in (op, op + hunting(5.0, 3.0), op + hunting(5.0, 3.0) + 1.5)
     )
-    cases = [Case(recording=still), Case(recording=hunts)]
-    healthy, hunting_stem = screen(cases, Options(narx=False))
+    cases = [Case(recording=still), Case(recording=hunts), Case(recording=off_too)]
+    healthy, hunting_stem, reads_high = screen(cases, Options(narx=False))
     assert healthy.verdict is Verdict.HEALTHY
+    assert [effect.slug for effect in reads_high.mismatch.effects] == ["zero_shift"]
+    assert reads_high.verdict is Verdict.UNDETERMINED
+    assert "from peak to peak every 5 s while OP does not" in reads_high.reason
     assert hunting_stem.verdict is Verdict.UNDETERMINED
     assert "from peak to peak every 5 s while OP does not" in hunting_stem.reason
     assert hunting_stem.S.value is None

@@ -92,3 +92,17 @@ def test_a_stem_that_moves_within_the_steps_of_a_coarse_op_does_not_move_alone(s
     still = 50.0 + 2.0 * (clock > 3600)
     alone = pair(still, stem + still - 50.0 + 1.5 * np.sin(clock / 150.0))
     assert moved_without_command(alone) > 0.15
+
+
+def test_a_stem_that_overshoots_each_step_and_comes_to_rest_does_not_move_alone():
+    """A positioner that swings past each step of a staircase for a minute is at rest at last; one
+    that swings on is moved by something else."""
+    since, step = np.arange(7200) % 180, np.arange(7200) // 180
+    op = 50.0 + 3.0 * np.abs(step % 12 - 6)
+    came = np.where(np.diff(op, prepend=op[0])[180 * step] >= 0.0, 1.0, -1.0)
+    swung = came * np.sin(2.0 * np.pi * since / 100.0)
+    noise = 0.05 * np.random.default_rng(8).standard_normal(op.size)
+    settles = pair(op, op + 5.0 * swung * np.exp(-since / 50.0) + noise)
+    assert moved_without_command(settles) < 0.15
+    assert "op_not_followed" not in [found.slug for found in assess(settles, Limits()).obstacles]
+    assert moved_without_command(pair(op, op + 2.0 * swung + noise)) > 0.15
