@@ -138,6 +138,7 @@ class Provenance:
     digest: str = ""  # sha256 of the source's bytes, hexadecimal
     layout: str = ""  # what the reader understood, in words
     decisions: tuple[str, ...] = ()  # each choice the reader made, one sentence each
+    unused_options: tuple[str, ...] = ()  # those of the decisions on options without an effect
     position_question: str = ""  # which tag may be the position that was not read; else empty
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -34,6 +34,7 @@ class ValveColumns:
     in_utc: bool = True
     zone: str = ""
     decisions: Sequence[str] = ()
+    unused_options: Mapping[str, str] = field(default_factory=dict)
     problems: Sequence[str] = ()
 
     @property

@@ -69,10 +69,12 @@ class Inspection:
     tags: tuple[TagInspection, ...]
     decisions: tuple[str, ...]
     problems: tuple[str, ...]
+    unused_options: frozenset[str]  # names of those that were given and made no difference
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for JSON; times in ISO form."""
+        """Plain values for JSON; times in ISO form. The decisions have the unused options."""
         out = asdict(self)
+        del out["unused_options"]
         for name in ("start", "end"):
             instant = getattr(self, name)
             out[name] = None if instant is None else instant.isoformat()
@@ -105,6 +107,7 @@ def inspect_file(opened: OpenedFile) -> Inspection:
         tags=tags,
         decisions=tuple(dict.fromkeys(decisions)),
         problems=tuple(opened.notes.problems),
+        unused_options=frozenset(opened.unused_options),
     )
 
 

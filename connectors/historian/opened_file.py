@@ -87,6 +87,11 @@ class OpenedFile:
         return self.notes.decisions
 
     @property
+    def unused_options(self) -> dict[str, str]:
+        """The options that made no difference, each with its sentence."""
+        return self.notes.unused
+
+    @property
     def problems(self) -> list[str]:
         """What it had to leave out."""
         return self.notes.problems

@@ -13,6 +13,7 @@ class ReadingNotes:
 
     decisions: list[str] = field(default_factory=list)
     used: set[str] = field(default_factory=set)
+    unused: dict[str, str] = field(default_factory=dict)  # the sentence about each such option
     _problems: list[str] = field(default_factory=list)
     _unlisted: int = 0
 
@@ -38,6 +39,12 @@ class ReadingNotes:
             self.problem(sentence)
         self._unlisted += others._unlisted
         self.used |= others.used
+        self.unused |= others.unused
+
+    def not_used(self, option: str, sentence: str) -> None:
+        """``option`` of ``ReadOptions`` was given and made no difference: a decision."""
+        self.decide(sentence)
+        self.unused[option] = sentence
 
     @property
     def problems(self) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import timedelta
 from typing import Protocol
 
@@ -68,6 +68,9 @@ class SampleSource(Protocol):
 
     @property
     def decisions(self) -> Sequence[str]: ...
+
+    @property
+    def unused_options(self) -> Mapping[str, str]: ...
 
     @property
     def problems(self) -> Sequence[str]: ...
@@ -316,4 +319,5 @@ def _provenance(opened: SampleSource, columns: dict[Role, Column], notes: list[s
         digest=opened.digest,
         layout=opened.layout,
         decisions=tuple(dict.fromkeys(sentences)),
+        unused_options=tuple(opened.unused_options.values()),
     )

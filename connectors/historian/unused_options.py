@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 from stemwatch.connectors.historian.options import ReadOptions, given_options
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.tables.raw_table import RawTable
 from stemwatch.connectors.historian.times.time_column import Instants
-
-_IS_NOT_USED = " is not used: "
 
 
 def say_unused(options: ReadOptions, notes: ReadingNotes, reasons: Mapping[str, str]) -> None:
@@ -21,19 +19,8 @@ def say_unused(options: ReadOptions, notes: ReadingNotes, reasons: Mapping[str, 
     for name, value in given_options(options).items():
         if name not in notes.used:
             value_text = f"{value:g}" if isinstance(value, float) else f"{value!r}"
-            notes.decide(
-                f"{name} = {value_text}{_IS_NOT_USED}{reasons.get(name, 'nothing asks for it')}."
-            )
-
-
-def unused_options(decisions: Iterable[str]) -> set[str]:
-    """The options that these decisions say were not used."""
-    return {one.partition(" = ")[0] for one in decisions if _IS_NOT_USED in one}
-
-
-def unused_sentences(decisions: tuple[str, ...]) -> list[str]:
-    """Those of a recording's decisions that say that an option was not used."""
-    return [sentence for sentence in decisions if _IS_NOT_USED in sentence]
+            reason = reasons.get(name, "nothing asks for it")
+            notes.not_used(name, f"{name} = {value_text} is not used: {reason}.")
 
 
 def why_not_in_text(table: RawTable, instants: Instants) -> dict[str, str]:

@@ -196,6 +196,7 @@ class ParquetArchive:
             in_utc=zone_is_known,
             zone=zone,
             decisions=[*notes.decisions, *self._held_values()],
+            unused_options=notes.unused,
             problems=notes.problems,
         )
 

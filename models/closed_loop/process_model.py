@@ -27,7 +27,7 @@ SECOND_LAGS = (0.0, 2.0, 8.0)
 DELAYS = (0.0, 1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0, 60.0)
 NEAR_ZERO = 0.05  # samples, added to a lag before its logarithm is taken
 LONGEST_DELAY = 200.0
-CLEARLY = 3.0  # standard errors of the gain, from which PV is said to respond to the valve
+CLEARLY = 3.0  # standard errors of the gain from which on PV responds to the valve
 # Factor by which the drawn processes spread more than least squares says. The true gain of
 # simulated loops is 1.9 of its standard deviations off in the median (seeds 5151 and 6161), where
 # 0.7 is expected: no process has exactly this form, and a load that moves with the valve is

@@ -262,9 +262,9 @@ def _or_short_of_it(
     through_curve: Mismatch,
     refused: Mapping[str, str],
 ) -> Mismatch:
-    """What is said ``through_curve``, or what the plain reading says, where that names what slows
-    the stem or stops it and follows the unseen part nearer: a stem that never arrives covers less
-    than OP asks for, as one behind a curve does.
+    """The answer ``through_curve``; or that of the plain reading, where it names an effect that
+    slows or stops the stem and follows the unseen part more closely: a stem that never arrives
+    covers less than OP asks for, as one behind a curve does.
     """
     plain = _explained(recording, measured, ceiling, refused=refused)
     short = any(

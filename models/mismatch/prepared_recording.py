@@ -91,7 +91,8 @@ def _measured(recording: Recording, measured: MeasuredRecord) -> Floats:
 def summary_of(problem: FitProblem, spacing_s: float) -> RecordingSummary:
     """The summary of the recording that terms choose their ranges by.
 
-    ``spacing_s``: how far apart true samples are (``MeasuredRecord``); nothing quicker is told.
+    ``spacing_s``: how far apart true samples are (``MeasuredRecord``); nothing quicker
+    can be resolved.
     """
     op, mv = problem.op, problem.mv[problem.scored]
     op_low, op_high = np.percentile(op, (1.0, 99.0))

@@ -114,7 +114,8 @@ def of_candidate(candidate: Floats) -> tuple[Estimate, Estimate]:
 def holding_no_jump(evaluator: Evaluator, fitted: Fitted, told: Stiction) -> Stiction:
     """``told``, the S and J of a fit with effects beside friction, with intervals that include a
     stem without a jump where unseen blocks do not need a jump. Where OP goes as far in a sample as
-    the stem jumps, a stem without a jump is what is told, and the jump is left to the intervals.
+    the stem jumps, the values are those of a stem without a jump, and only the intervals hold the
+    jump.
 
     Every step of a staircase moves the stem, whatever its breakaway level is, so that the level is
     only bounded; and a jump can take up the error in the shape of a lag or drag, on unseen steps as
@@ -134,8 +135,8 @@ def holding_no_jump(evaluator: Evaluator, fitted: Fitted, told: Stiction) -> Sti
 
 
 def jump_within_a_step(problem: FitProblem, told: Stiction) -> bool:
-    """Whether OP goes as far in a sample as the stem is said to jump, so that no sample shows
-    where the stem let go."""
+    """Whether OP goes as far in a sample as the stem jumps, so that no sample shows where the
+    stem let go."""
     return way_in_a_sample(problem) >= (told.J.value or 0.0)
 
 

@@ -33,7 +33,7 @@ from stemwatch.models.signals.runs_of_samples import runs_of
 from stemwatch.models.words import share
 
 NEGLIGIBLE_SHARE = 0.005
-PUT_TOGETHER = 0.1  # share of holes in a recording, above which it is said to consist of pieces
+PUT_TOGETHER = 0.1  # share of holes above which a recording counts as put together from pieces
 
 
 @dataclass(frozen=True)

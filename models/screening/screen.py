@@ -341,7 +341,7 @@ def _with_suspicion(screening: Screening, fitted: _Fitted) -> Screening:
     evidence; with one it is a cross-check that changes no verdict.
     """
     suspicion = suspect(fitted.case.recording, trained_judge())
-    for obstacle in fitted.assessment.obstacles[:1]:  # the one that is said
+    for obstacle in fitted.assessment.obstacles[:1]:  # the first one is the reason that is given
         if obstacle.slug in OP_AT_REST:
             suspicion = too_little_moved(suspicion, obstacle.reason, obstacle.remedy)
     numbers = {indicator.name: indicator for indicator in indicators.of_suspicion(suspicion)}

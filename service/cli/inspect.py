@@ -153,9 +153,8 @@ def _sources(
 
     from stemwatch.connectors.historian.options import given_options
     from stemwatch.connectors.historian.proposed_plant import ProposedSource, sources_of
-    from stemwatch.connectors.historian.unused_options import unused_options
 
-    unused = set.intersection(*(unused_options(inspection.decisions) for _, inspection in seen))
+    unused = frozenset.intersection(*(inspection.unused_options for _, inspection in seen))
     options_given = {
         name: value for name, value in given_options(options).items() if name not in unused
     }

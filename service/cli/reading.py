@@ -215,13 +215,12 @@ def _refuse_what_nobody_asks_for(
 def say_reading_remarks(recordings: "Iterable[Provenance]") -> None:
     """On the terminal: the options of the command line that made no difference to a file, and
     which tag may be a position that nobody named."""
-    from stemwatch.connectors.historian.unused_options import unused_sentences
     from stemwatch.service.cli import views
 
     said = {
         (Path(provenance.source).name, sentence): None
         for provenance in recordings
-        for sentence in (*unused_sentences(provenance.decisions), provenance.position_question)
+        for sentence in (*provenance.unused_options, provenance.position_question)
         if sentence
     }
     remarks = list(said)

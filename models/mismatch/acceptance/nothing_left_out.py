@@ -3,9 +3,10 @@
 Three conditions: S and J fitted alone and those fitted with the reading's zero and gain must agree,
 or the latter must fit the free runs as well, or the free run of the former must leave hardly more
 than noise; and a model must follow the part of the recording that was not fitted. Runs miss single
-breakaways, which scatter. So neither is asked for where the likelihood of the whole record, which
-follows them all, leaves nothing at the S and J of the refit. And breakaways must not scatter more
-than those of any stem: friction that comes and goes, or a force from outside, is seen as that.
+breakaways, which scatter. So both conditions are waived where the likelihood of the whole record,
+which follows them all, leaves nothing at the S and J of the refit. The third: breakaways must not
+scatter more than those of any stem do, since friction that comes and goes, or a force from outside,
+shows as such scatter.
 """
 
 from __future__ import annotations

@@ -65,8 +65,8 @@ def estimates(
     """The term's parameters from its best coordinates (k,) and draws (m, k), on the own clock.
 
     Widened by two errors that no bootstrap sees: the term is only a model of the valve, and OP and
-    MV are read somewhere within the sampling interval. Of a parameter at the end of what the record
-    could show only the lower bound is said.
+    MV are read somewhere within the sampling interval. A parameter at the end of what the record
+    could show has a lower bound only.
     """
     best = term.parameters(values)
     spread = [term.parameters(candidate) for candidate in candidate_draws]

@@ -40,11 +40,12 @@ _VECTOR = 4  # courses that the processor takes at once
 # has rested, the largest shares of its levels that were asked for, how probably a stem holds there,
 # its probability.
 #
-# What tables say of it: friction and force at its place, what its rest adds to the levels, the
-# share of its gap that it covers in a sample, the fourth power of the gap at which it sticks.
+# From tables: friction and force at its place, what its rest adds to the levels, the share of its
+# gap that it covers in a sample, the fourth power of the gap at which it sticks.
 #
-# What may become of it: how probably it goes on and to where, how probably it lets go and to where,
-# the share of its level that is asked for, how probably a stem holds there.
+# What may become of it: the probability that it goes on, and to where; that it lets go, and to
+# where; the share of its breakaway level that the force reaches; the probability that a stem holds
+# there.
 (
     X,
     Z,

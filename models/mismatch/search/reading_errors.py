@@ -2,9 +2,9 @@
 where they are material.
 
 A zero error, a span error and a stem that sticks again at speed are fitted along with everything.
-Each is a finding where the hypothesis is clearly worse on unseen blocks of time without it. A stem
-that sticks again at speed is said to do so at low speed only where one that sticks at every speed,
-because its slips overshoot, is worse; else the record does not tell the two apart.
+Each is a finding where the hypothesis is clearly worse on unseen blocks of time without it.
+Sticking again at low speed is named alone only where sticking again at every speed, because slips
+overshoot, fits worse; else the record does not tell the two apart.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """What else an error of the position reading could be, where the record does not tell.
 
-- **A span error: the bow of a linkage.** Over a part of the stroke the two are alike. What would
-  tell them apart is said: moves over so much of the stroke that the bow leaves its straight line by
-  what this record lets one see.
+- **A span error: the bow of a linkage.** Over a part of the stroke the two are alike. The
+  answer says what would tell them apart: moves over so much of the stroke that the bow leaves its
+  straight line by more than this record's noise hides.
 - **A zero error: a supply that sags.** One that falls short on moves one way leaves the stem short
   of its command that way, for a while; in a record of few moves that is as good as a zero error.
 - **A zero error: a span error.** Over a small part of the stroke it is nearly the same everywhere,

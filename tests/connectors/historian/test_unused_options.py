@@ -9,7 +9,6 @@ import pytest
 
 from stemwatch.connectors.connector import TagMapping, ValveTags
 from stemwatch.connectors.historian import HistorianFile, ReadOptions
-from stemwatch.connectors.historian.unused_options import unused_sentences
 from stemwatch.connectors.parquet import ParquetArchive
 from stemwatch.models.recording import Role
 
@@ -46,8 +45,10 @@ def test_an_option_is_used_or_said_not_to_be(open_text, option: str) -> None:
     """In a text export: nothing given, nothing said; one given, used or one sentence with why."""
     text = "Time;A.OP\n" + "".join(f"{time};{value}\n" for time, value in ROWS)
     options = replace(ReadOptions(), **{option: SAID[option]})
-    answer = unused_sentences(open_text(text, options=options).read(OP).provenance.decisions)
+    recording = open_text(text, options=options).read(OP)
+    answer = recording.provenance.unused_options
     assert len(answer) == (option not in USED)
+    assert set(answer) <= set(recording.provenance.decisions)
     assert all(sentence.startswith(f"{option} = ") and len(sentence) > 40 for sentence in answer)
 
 
@@ -59,7 +60,9 @@ def test_what_the_layout_fixes_is_said(tmp_path: Path) -> None:
     file.write_text(head + rows)
     read_options = ReadOptions(separator=";", time_column="Stamp", zone="Europe/Berlin")
     source = HistorianFile(file, read_options)
-    text = " ".join(unused_sentences(tuple(source.inspect().decisions)))
+    inspection = source.inspect()
+    assert inspection.unused_options == {"separator", "time_column"}
+    text = " ".join(one for one in inspection.decisions if " is not used: " in one)
     assert "separator = ';' is not used: the file was read as PROCESSDATA export" in text
     assert "time_column = 'Stamp' is not used" in text
     assert "zone" not in text
@@ -74,7 +77,7 @@ def test_an_archive_reports_unused_options_too(tmp_path: Path) -> None:
     frame.to_parquet(tmp_path / "a.parquet")
     read_options = ReadOptions(separator=";", interval_s=5.0, zone="Europe/Berlin")
     recording = ParquetArchive(str(tmp_path / "a.parquet"), read_options).read(OP)
-    assert [s.split(" = ")[0] for s in unused_sentences(recording.provenance.decisions)] == [
+    assert [s.split(" = ")[0] for s in recording.provenance.unused_options] == [
         "zone",
         "separator",
         "interval_s",

@@ -38,7 +38,7 @@ from stemwatch.service.run.finish import hold_back
 from stemwatch.service.store.store import open_store
 from stemwatch.service.web.site import Site
 from tests.service.maintenance.example_work_list import context, with_effects
-from tests.service.presenter.test_one_run_everywhere import NO_POSITION, by_chance
+from tests.service.presenter.every_kind import NO_POSITION, by_chance
 from tests.service.report.conftest import START, screening
 from tests.service.report.test_without_position import suspected
 from tests.service.web import example_plant

@@ -23,7 +23,7 @@ from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Rais
 from stemwatch.service.store.screenings.ranking import RankingFilter
 from stemwatch.service.store.store import open_store
 from tests.service.maintenance.example_work_list import context
-from tests.service.presenter.test_one_run_everywhere import (
+from tests.service.presenter.every_kind import (
     NO_POSITION,
     blind,
     every_kind,

@@ -16,7 +16,7 @@ from stemwatch.service.store.migrations import views_v1, views_v2
 from stemwatch.service.store.screenings.ranking import RankingFilter
 from stemwatch.service.store.store import Store
 from tests.service.maintenance.example_work_list import with_effects
-from tests.service.presenter.test_one_run_everywhere import by_chance
+from tests.service.presenter.every_kind import by_chance
 from tests.service.report.conftest import screening
 from tests.service.store.older_databases import AT_US, database_at
 from tests.service.web.example_plant import STICKY, fill, write_samples
