@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from stemwatch.connectors.historian.inspection import Inspection, TagInspection
 
 NO_CURVES: Mapping[str, str] = MappingProxyType({})
+# Transmitted values stay within 20 mA, 15 psi, 10 V or 1.
+BEYOND_TRANSMITTED = 21.0
 _ORDER = (Role.OP, Role.MV, Role.PV, Role.SP, Role.MODE)
 
 
@@ -221,7 +223,13 @@ def _tag_lines(role: Role, tag: ProposedTag) -> list[str]:
 
 
 def _within_percent(tag: ProposedTag) -> bool:
-    return tag.low is not None and tag.high is not None and tag.low >= -15 and tag.high <= 115
+    """Whether the values of an OP without unit are percent and nothing else: what stays within 4
+    to 20 may be mA, within 0 to 1 a fraction. A range that is written counts as known, and the
+    recording is no longer asked for one that fits better.
+    """
+    if tag.low is None or tag.high is None:
+        return False
+    return tag.low >= -15 and BEYOND_TRANSMITTED < tag.high <= 115
 
 
 def _ask_position(tags: Sequence[ProposedTag], valve: str) -> list[str]:

@@ -183,6 +183,28 @@ def test_plant_toml_is_valid_and_asks_for_what_is_open(open_text) -> None:
     assert "#   FIC2.MV (FIC2): MV is the controller output in some systems" in proposal
 
 
+@pytest.mark.parametrize(
+    ("scale", "known"), [((0.0, 1.0), True), ((4.0, 0.16), False), ((0.0, 0.01), False)]
+)
+def test_the_range_of_an_output_without_unit_is_stated_only_where_it_is_plain(
+    open_text, scale, known
+) -> None:
+    """What stays within 4 to 20 or 0 to 1 may be mA or a fraction: its range is left open, so that
+    the recording itself is asked."""
+    start, slope = scale
+    percent = np.random.default_rng(4).uniform(30.0, 60.0, 400)
+    values = start + slope * percent
+    text = "t_s,FIC1.OP,FIC1.ZT\n" + "".join(
+        f"{k},{op:.4f},{at:.1f}\n" for k, (op, at) in enumerate(zip(values, percent, strict=True))
+    )
+    seen = open_text(text, "plant.csv").inspect()
+    proposal = plant_toml([ProposedSource("boiler", seen.source, (seen,))])
+    (valve,) = tomllib.loads(proposal)["valves"]
+    assert ("low" in valve["tags"]["op"]) is known
+    asked = [line for line in proposal.splitlines() if line.startswith("# low = 0.0   # seen: ")]
+    assert len(asked) == (1 if known else 2)  # that of the position, and of OP
+
+
 def test_plant_toml_maps_a_certain_position(source: HistorianFile) -> None:
     """A position that leaves no doubt is mapped."""
     seen = source.inspect()
