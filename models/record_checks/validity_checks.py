@@ -49,6 +49,9 @@ OP_AT_REST = ("op_still", "manual", "few_reversals")
 COARSEST_PERCENT = 3.0  # steps of a position, twice the S of a sticky valve
 MAP_POSITION = "Map the tag of the stem position (ZT, POS, positioner feedback)."
 STUCK_REMEDY = "Look at the valve: a stroke test tells a stuck stem from a dead transmitter."
+UNCHANGED = "the position did not change by one digit"
+ONLY_NOISE = "the position shows nothing but its noise"
+FROZEN_FOR = "the position reading was frozen for"
 UNIT_REMEDY = "Give its values at 0 % and 100 % (low, high) so that it can be read as percent."
 
 
@@ -245,7 +248,7 @@ def _still_obstacles(recording: Recording) -> list[Obstacle]:
         return [
             Obstacle(
                 "position_frozen",
-                f"the position did not change by one digit while OP moved over {op_swing:.1f} %: "
+                f"{UNCHANGED} while OP moved over {op_swing:.1f} %: "
                 "either the transmitter is frozen or the stem is stuck fast",
                 STUCK_REMEDY,
             )
@@ -255,8 +258,8 @@ def _still_obstacles(recording: Recording) -> list[Obstacle]:
         return [
             Obstacle(
                 "position_still",
-                f"the position shows nothing but its noise while OP moved over {op_swing:.1f} "
-                "%: either the stem is stuck fast or this is not the position of this valve",
+                f"{ONLY_NOISE} while OP moved over {op_swing:.1f} %: "
+                "either the stem is stuck fast or this is not the position of this valve",
                 STUCK_REMEDY,
             )
         ]
@@ -380,7 +383,7 @@ def record_obstacles(frozen: float, drawn_share: float, limits: Limits) -> list[
         obstacles.append(
             Obstacle(
                 "position_frozen",
-                f"the position reading was frozen for {share(frozen)} of the time",
+                f"{FROZEN_FOR} {share(frozen)} of the time",
                 "Check the position transmitter and its path to the historian.",
             )
         )

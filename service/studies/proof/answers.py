@@ -15,15 +15,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from stemwatch.models.record_checks.validity_checks import FROZEN_FOR, ONLY_NOISE, UNCHANGED
 from stemwatch.service.executors import Executor, map_items
 
 NOTHING = "nothing named"
 # By which a refusal is known, since the JSON of ``stemwatch explain`` has the sentence alone.
-FROZEN_WORDS = (
-    "the position did not change by one digit",
-    "the position shows nothing but its noise",
-    "the position reading was frozen for",
-)
+FROZEN_WORDS = (UNCHANGED, ONLY_NOISE, FROZEN_FOR)
 
 
 @dataclass(frozen=True, kw_only=True)
