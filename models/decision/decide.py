@@ -9,6 +9,7 @@ import numpy as np
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.mismatch.terms._common import LAG_AS_BUILT_S
 from stemwatch.models.preparation.own_clock import duration, period, rate
 from stemwatch.models.record_checks.data_quality import Obstacle
 from stemwatch.models.record_checks.own_swing import OwnSwing
@@ -78,6 +79,10 @@ SLOW_OR_STICKING = (
     "Step OP by 1 % and then by 5 %: a slow actuator follows both, a sticking stem only the larger "
     "one."
 )
+NOT_THAT_SLOW = (
+    "The stem does not stick, but it is slow: unless it was always so, check the air supply, its "
+    "tubing and filter, the positioner's output, and the actuator for leaks."
+)
 MORE = " (and {} more, see data quality)"  # obstacles that the sentence does not name
 
 
@@ -112,6 +117,7 @@ class DecisionEvidence:
     changed: ChangeOfStiction | None = None  # S within the recording, in percent of OP
     curve_is_enough: bool = False  # another curve from OP to stroke fits as well as friction
     leads_s: float = 0.0  # by which the position moves first, where it may be OP itself
+    takes_s: float = 0.0  # true seconds of an actuator that ``slow`` tells of, else 0
     without_lag: float = 0.0  # percent: S where a lag was fitted and is left out, else 0
 
 
@@ -346,6 +352,9 @@ def _healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
         cycle_text = period(evidence.cycling_s, evidence.unit_s)
         text += f" The loop oscillates nevertheless, every {cycle_text}."
         advice = "Look for the cause in the controller's tuning or in a disturbance upstream."
+    if evidence.takes_s > LAG_AS_BUILT_S:
+        first = "Nothing to do at the packing" if evidence.cycling_s is None else advice.rstrip(".")
+        advice = f"{first}. {NOT_THAT_SLOW}"
     decision = Decision(
         verdict=Verdict.HEALTHY,
         reason=text,
@@ -557,6 +566,14 @@ def slowness(fit: StickSlipFit) -> str:
     if not parts:
         return ""
     return f" Beside friction, {' and '.join(parts)}{_misread(fit)}."
+
+
+def takes_s(fit: StickSlipFit) -> float:
+    """True seconds of the lag of which ``slowness`` tells; 0 where it tells of none."""
+    lag = float(max(fit.candidate[coordinate.LAG_UP_S], fit.candidate[coordinate.LAG_DOWN_S]))
+    if not slowness(fit) or lag < 2.0 * WORTH_SAYING_S:
+        return 0.0
+    return lag * fit.evaluator.problem.unit_s
 
 
 def beside_friction(mismatch: Mismatch) -> str:

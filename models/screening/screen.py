@@ -22,6 +22,7 @@ from stemwatch.models.decision.decide import (
     beside_friction,
     decide,
     slowness,
+    takes_s,
     undetermined,
 )
 from stemwatch.models.estimate import Estimate
@@ -514,6 +515,7 @@ def _with_verdict(
         steps=way_in_a_sample(fit.evaluator.problem) if fit.in_steps else 0.0,
         changed=_changed(fitted, fit, mismatch),
         leads_s=fitted.late_s if fitted.perhaps_exchanged else 0.0,
+        takes_s=takes_s(fit) if _only_the_fit_tells(mismatch) else 0.0,
         without_lag=_without_lag(fitted, fit),
     )
     judgement = decide(evidence, limits)
@@ -543,9 +545,15 @@ def _with_verdict(
 def _slow(fit: StickSlipFit, mismatch: Mismatch | None) -> str:
     """A sentence on what is beside friction: named effects, or where nothing else was asked or
     needed, the actuator of the fit."""
-    if mismatch is None or mismatch.finding is Finding.NOT_TESTABLE:
+    if _only_the_fit_tells(mismatch):
         return slowness(fit)
+    assert mismatch is not None
     return beside_friction(mismatch)
+
+
+def _only_the_fit_tells(mismatch: Mismatch | None) -> bool:
+    """Whether nothing beside S, J and the actuator of the fit was asked or needed."""
+    return mismatch is None or mismatch.finding is Finding.NOT_TESTABLE
 
 
 def _without_lag(fitted: _Fitted, fit: StickSlipFit) -> float:

@@ -261,6 +261,17 @@ def test_a_lead_of_the_position_halves_the_confidence(S, verdict):
     assert "moves 3 s before OP" in decision.reason
 
 
+@pytest.mark.parametrize(("takes_s", "slow"), [(0.0, False), (1.5, False), (10.0, True)])
+@pytest.mark.parametrize("cycling_s", [None, 90.0])
+def test_a_slow_stem_that_does_not_stick_is_worth_a_look(takes_s, slow, cycling_s):
+    """It is healthy, and no longer said to need nothing where it takes longer than large valves."""
+    decision = decide(evidence(0.1, 0.1, takes_s=takes_s, cycling_s=cycling_s), LIMITS)
+    assert decision.verdict is Verdict.HEALTHY
+    assert ("check the air supply" in decision.advice) is slow
+    assert ("Nothing to do at the valve" in decision.advice) is (cycling_s is None and not slow)
+    assert ("tuning" in decision.advice) is (cycling_s is not None)
+
+
 @pytest.mark.parametrize("S", [1.0, 1.4, 5.0])
 def test_where_another_curve_fits_as_well_no_friction_is_said(S):
     """What a curve from OP to stroke is off by looks like a dead band: neither watch nor sticky."""
