@@ -93,10 +93,6 @@ LEAST_SHARE = 0.09  # of the held-out loss that an effect must remove to matter
 LARGEST_PART = 0.5
 STRAIGHT_LINE, DELAY = ("zero_shift", "span_error"), "dead_time"
 BEND = "bend"  # a bent reading is not in the catalogue; its limits are those of a term
-# Least t of each named term from which the likelihood is not asked for another. Of 130 valves
-# (`draw_hidden`, seed 4090, development) 23 are named so: it found nothing more on 22 of them, and
-# on one, an even place, a dead time that was not there.
-CLEARLY_SHOWN = 5.0
 MUCH_NEARER = 0.7  # rmse on unseen data over that of S and J alone
 
 
@@ -164,8 +160,6 @@ class _AskedOfTheWhole:
         for question in tuple(self._left):
             if question is with_dwell and not stand:
                 continue  # alone it has been looked for
-            if question is named_by_likelihood and _shown_clearly(named):
-                continue
             self._left.remove(question)
             # What trajectories dropped may be what they could not show.
             sought = self._all if question is named_by_likelihood else terms
@@ -190,13 +184,6 @@ class _AskedOfTheWhole:
         if named.sticks_again is None or self._sliding is None:
             return named
         return self._sliding
-
-
-def _shown_clearly(named: Named) -> bool:
-    """Whether trajectories show all that is named by a wide margin."""
-    return bool(named.needed) and all(
-        needed.advantage.t >= CLEARLY_SHOWN for needed in named.needed
-    )
 
 
 def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:

@@ -25,13 +25,8 @@ from stemwatch.models.mismatch.fit import evaluator as base_coordinate
 from stemwatch.models.mismatch.fit.base_fit import naive_evaluator, naive_layout
 from stemwatch.models.mismatch.fit.crossfit import Fitted
 from stemwatch.models.mismatch.fit.evaluator import Evaluator, S_and_J
-from stemwatch.models.mismatch.likelihood.maximum_likelihood import (
-    OF_STEMS,
-    SCATTERS,
-    RecordLikelihood,
-)
+from stemwatch.models.mismatch.likelihood.maximum_likelihood import SCATTERS, RecordLikelihood
 from stemwatch.models.mismatch.search.named_by_likelihood import (
-    FEW_COURSES,
     WIDEST,
     less_scattered,
     likeliest_of,
@@ -137,10 +132,7 @@ def _scatters_too_much(evaluator: Evaluator, fitted: Fitted) -> str:
     usual = NOISE_ALONE * short_record_factor(evaluator.measured_counts) ** 2
     if left <= usual or not scatter_matters(evaluator, fitted):
         return ""
-    quick, likelihood = RecordLikelihood(evaluator, FEW_COURSES), RecordLikelihood(evaluator)
-    # A first look, most of which is known from the search for terms.
-    if less_scattered(quick, likeliest_of(quick, fitted)).scatter <= WIDEST * OF_STEMS:
-        return ""
+    likelihood = RecordLikelihood(evaluator)
     found = likeliest_of(likelihood, fitted)
     if not scatters_most(found):
         return ""

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from stemwatch.models.mismatch.acceptance import nothing_left_out
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding, Mismatch
-from stemwatch.models.mismatch.search.named_by_likelihood import FEW_COURSES
-from stemwatch.models.studies.simulator.hidden import draw_hidden, draw_nulls
+from stemwatch.models.studies.simulator.hidden import draw_hidden
 
 
 def explained(seed: int, number: int) -> Mismatch:
@@ -62,18 +60,3 @@ def test_drag_is_not_named_of_a_stem_that_is_shaken() -> None:
     mismatch = explained(4090, 1128)
     assert mismatch.finding is Finding.UNKNOWN
     assert "14.2 s" in mismatch.sentence
-
-
-def test_breakaways_that_scatter_little_at_first_sight_are_not_looked_into(monkeypatch) -> None:
-    """Noise hides the slips of a valve with nothing hidden; the first look at their scatter is
-    known from the search for terms."""
-    asked, likeliest = [], nothing_left_out.likeliest_of
-
-    def counted(likelihood, fitted):
-        asked.append(likelihood.courses)
-        return likeliest(likelihood, fitted)
-
-    monkeypatch.setattr(nothing_left_out, "likeliest_of", counted)
-    mismatch = explain(draw_nulls(11, 4064)[10].simulated().recording)
-    assert mismatch.finding is Finding.NONE
-    assert set(asked) == {FEW_COURSES}

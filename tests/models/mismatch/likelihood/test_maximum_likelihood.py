@@ -94,18 +94,3 @@ def test_only_terms_that_begin_ahead_are_climbed(monkeypatch) -> None:
     assert len(set(climbed)) <= AHEAD
     assert ("actuator_lag",) in climbed
     assert any("actuator_lag" in look.layout.places for look in looks)
-
-
-def test_a_search_climbs_from_the_two_most_likely_points(monkeypatch) -> None:
-    """A third one, less likely, is weighed and left."""
-    likelihood, layout, points = searched()
-    climbed, climbs = [], RecordLikelihood.climbed
-
-    def counted(self, begun, *rounds):
-        climbed.append(begun.total)
-        return climbs(self, begun, *rounds)
-
-    monkeypatch.setattr(RecordLikelihood, "climbed", counted)
-    totals = [one.total for one in likelihood.ranked(layout, points)]
-    likelihood.maximised(layout, points)
-    assert climbed == totals[:2]

@@ -7,7 +7,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from stemwatch.models.mismatch.acceptance import accepted_hypothesis
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding, Mismatch
 from stemwatch.models.mismatch.likelihood.maximum_likelihood import LEAST_GAIN, RecordLikelihood
@@ -215,19 +214,3 @@ def test_two_fits_that_contradict_are_no_doubt_where_the_record_as_a_whole_has_n
     assert mismatch.naive.S.value > 2.0 * run.truth.S
     assert mismatch.restated.S.value == pytest.approx(run.truth.S, abs=0.1)
     assert mismatch.restated.J.value == pytest.approx(run.truth.J, abs=0.1)
-
-
-def test_nothing_more_is_asked_where_trajectories_show_a_name_clearly(monkeypatch) -> None:
-    """A drift with a t of 12: the likelihood is not asked for a second effect."""
-    asked = []
-
-    def counted(named, terms):
-        asked.append(named)
-        return named
-
-    monkeypatch.setattr(accepted_hypothesis, "named_by_likelihood", counted)
-    case = draw_hidden(123, 4090)[122]
-    assert case.hidden == ("sensor_drift",)
-    mismatch = explain(case.simulated().recording)
-    assert [effect.slug for effect in mismatch.effects] == ["sensor_drift"]
-    assert not asked
