@@ -34,6 +34,7 @@ def test_a_stem_that_sticks_is_likelier_and_its_s_is_followed_coarsely(size, rat
     assert np.exp(numbers[S]) == pytest.approx(size, rel=0.25)
 
 
+@pytest.mark.long
 def test_a_stem_that_follows_op_is_likelier_sound() -> None:
     """Without a stick band the hypothesis of one gains nothing."""
     assert followed_stem(*loop(0.0, 0.0))[GAIN] < 0.0

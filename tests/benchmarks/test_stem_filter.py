@@ -104,6 +104,7 @@ def test_a_wave_is_known_by_its_past_values() -> None:
     assert wave_of(np.ones(100)) is NO_WAVE
 
 
+@pytest.mark.long
 def test_the_load_is_the_sum_of_what_is_told() -> None:
     """Wandering parts have the size of the load that is no step and no wave."""
     rng = np.random.default_rng(1)
