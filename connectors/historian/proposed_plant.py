@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 NO_CURVES: Mapping[str, str] = MappingProxyType({})
 # Transmitted values stay within 20 mA, 15 psi, 10 V or 1.
 BEYOND_TRANSMITTED = 21.0
+# A current signal and the faults that it tells lie within these mA (NAMUR NE 43).
+LIVE_ZERO_MA = (3.5, 22.0)
 _ORDER = (Role.OP, Role.MV, Role.PV, Role.SP, Role.MODE)
 
 
@@ -218,8 +220,18 @@ def _tag_lines(role: Role, tag: ProposedTag) -> list[str]:
     percent = tag.unit == PERCENT or (not tag.unit and role is Role.OP and _within_percent(tag))
     if percent:
         return [*lines, "low = 0.0", "high = 100.0"]
+    if role in (Role.OP, Role.MV) and _has_live_zero(tag):
+        return [*lines, "low = 4.0", "high = 20.0   # mA as usual; low = 0.0 without live zero"]
     seen = "" if tag.low is None else f"   # seen: {tag.low:g} to {tag.high:g}"
     return [*lines, f"# low = 0.0{seen}", "# high = 100.0   # engineering values at 0 % and 100 %"]
+
+
+def _has_live_zero(tag: ProposedTag) -> bool:
+    """Whether the values are of a current signal whose 0 % is 4 mA (IEC 60381-1), by their unit and
+    since none lies below."""
+    if tag.unit.casefold() != "ma" or tag.low is None or tag.high is None:
+        return False
+    return LIVE_ZERO_MA[0] <= tag.low and tag.high <= LIVE_ZERO_MA[1]
 
 
 def _within_percent(tag: ProposedTag) -> bool:

@@ -205,6 +205,21 @@ def test_the_range_of_an_output_without_unit_is_stated_only_where_it_is_plain(
     assert len(asked) == (1 if known else 2)  # that of the position, and of OP
 
 
+@pytest.mark.parametrize(("start", "live"), [(4.0, True), (0.0, False)])
+def test_milliamperes_are_proposed_with_their_live_zero(open_text, start, live) -> None:
+    """Where the file gives mA and no value lies below 4, 0 and 100 % are written as 4 and 20."""
+    percent = np.random.default_rng(4).uniform(10.0, 60.0, 400)
+    current = start + 0.16 * percent
+    text = "t_s,FIC1.OP [mA],FIC1.ZT [mA]\n" + "".join(
+        f"{k},{value:.4f},{value:.4f}\n" for k, value in enumerate(current)
+    )
+    seen = open_text(text, "plant.csv").inspect()
+    (valve,) = tomllib.loads(plant_toml([ProposedSource("boiler", seen.source, (seen,))]))["valves"]
+    op = valve["tags"]["op"]
+    assert op["unit"] == "mA"
+    assert (op.get("low"), op.get("high")) == ((4.0, 20.0) if live else (None, None))
+
+
 def test_plant_toml_maps_a_certain_position(source: HistorianFile) -> None:
     """A position that leaves no doubt is mapped."""
     seen = source.inspect()
