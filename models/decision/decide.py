@@ -8,18 +8,14 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.limits import Limits
-from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.mismatch.terms._common import LAG_AS_BUILT_S
-from stemwatch.models.preparation.own_clock import duration, period, rate
+from stemwatch.models.preparation.own_clock import duration, period
 from stemwatch.models.record_checks.data_quality import Obstacle
 from stemwatch.models.record_checks.own_swing import OwnSwing
 from stemwatch.models.record_checks.pulsing_stem import Pulses
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.screening_result import Residual
-from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.change_of_stiction import ChangeOfStiction
-from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit
-from stemwatch.models.stickslip.speed_limits import shown_speed_limits
 from stemwatch.models.stickslip.stored_range import StoredRange
 from stemwatch.models.verdict import NoVerdict, Shape, Verdict
 
@@ -34,13 +30,6 @@ EITHER_RANGE = 0.5  # confidence where OP and position may be stored in another 
 BEYOND_DOUBT_MEAN, BEYOND_DOUBT_T = 0.5, 4.0
 EXPLAINS_AS_WELL = 2.5  # times the residual of the better of noise and NARX
 NEGLIGIBLE_PERCENT = 0.5  # a residual below this is small for a valve whatever its share
-# A delay below this is usual for good valves and is not mentioned.
-WORTH_SAYING_S = 0.5
-SLOW_PERCENT_PER_S = 10.0
-MISREAD = 1.5  # ratio by which S and J alone must be wrong to be mentioned
-MISREAD_PERCENT = 0.5
-# The gain of the actuator over friction alone on held-out data that makes it certain.
-CERTAIN_MEAN, CERTAIN_T = 0.1, 2.4
 
 NEXT = {
     Shape.DEADBAND: (
@@ -550,69 +539,3 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
             f"S is probably {_percent(S)} but may be {_percent(high)}{because}", advice
         )
     return _moved_otherwise(evidence, limits) or _healthy(evidence, limits)
-
-
-def slowness(fit: StickSlipFit) -> str:
-    """A sentence on lags and speed limits, with a leading blank; empty where only friction is
-    certain.
-
-    Rising and falling are those of the position; which of them opens the valve is not known here.
-    """
-    if fit.hypothesis != "both":
-        return ""
-    if fit.of_actuator.mean < CERTAIN_MEAN or fit.of_actuator.t < CERTAIN_T:
-        return ""
-    parts = [*_late(fit), *_limited(fit)]
-    if not parts:
-        return ""
-    return f" Beside friction, {' and '.join(parts)}{_misread(fit)}."
-
-
-def takes_s(fit: StickSlipFit) -> float:
-    """True seconds of the lag of which ``slowness`` tells; 0 where it tells of none."""
-    lag = float(max(fit.candidate[coordinate.LAG_UP_S], fit.candidate[coordinate.LAG_DOWN_S]))
-    if not slowness(fit) or lag < 2.0 * WORTH_SAYING_S:
-        return 0.0
-    return lag * fit.evaluator.problem.unit_s
-
-
-def beside_friction(mismatch: Mismatch) -> str:
-    """A sentence on effects beside friction, with a leading blank; empty where there are none."""
-    if not mismatch.effects:
-        return ""
-    sentence = f" Beside friction: {' '.join(effect.sentence for effect in mismatch.effects)}"
-    naive, restated = mismatch.naive.S.value, mismatch.restated.S.value
-    if naive is None or restated is None:
-        return sentence
-    if naive > MISREAD * restated and naive - restated > MISREAD_PERCENT:
-        sentence += f" S and J alone would have read S as {naive:.1f} %."
-    return sentence
-
-
-def _late(fit: StickSlipFit) -> list[str]:
-    c, unit_s = fit.candidate, fit.evaluator.problem.unit_s
-    parts = []
-    if c[coordinate.DEAD_TIME_S] >= WORTH_SAYING_S:
-        parts.append(
-            f"the command arrives {duration(c[coordinate.DEAD_TIME_S], unit_s, '.1f')} late (or "
-            "the clocks differ)"
-        )
-    lag = max(c[coordinate.LAG_UP_S], c[coordinate.LAG_DOWN_S])
-    if lag >= 2.0 * WORTH_SAYING_S:
-        parts.append(f"the actuator takes about {duration(lag, unit_s, '.1f')}")
-    return parts
-
-
-def _limited(fit: StickSlipFit) -> list[str]:
-    return [
-        f"the position moves at no more than {rate(speed, fit.evaluator.problem.unit_s)} {name}"
-        for name, speed in shown_speed_limits(fit).items()
-        if speed < SLOW_PERCENT_PER_S
-    ]
-
-
-def _misread(fit: StickSlipFit) -> str:
-    naive, fitted = S_and_J(fit.naive)[0], S_and_J(fit.candidate)[0]
-    if naive > MISREAD * fitted and naive - fitted > MISREAD_PERCENT:
-        return f"; S and J alone would have read S as {naive:.1f} %"
-    return ""

@@ -16,15 +16,8 @@ from dataclasses import dataclass, field, replace
 from stemwatch.models.closed_loop.fitted_loop import FittedValve, fit_loop
 from stemwatch.models.closed_loop.what_if import REPAIRED, predict
 from stemwatch.models.decision import residual
-from stemwatch.models.decision.decide import (
-    Decision,
-    DecisionEvidence,
-    beside_friction,
-    decide,
-    slowness,
-    takes_s,
-    undetermined,
-)
+from stemwatch.models.decision.beside_friction import actuator_takes_s, beside_friction
+from stemwatch.models.decision.decide import Decision, DecisionEvidence, decide, undetermined
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.health_indicators import indicators
 from stemwatch.models.limits import Limits
@@ -501,7 +494,7 @@ def _with_verdict(
         unseen=residual.of_unknown(mismatch),
         typical_percent=residual.typical_percent(fit),
         sigma=fit.evaluator.problem.sigma,
-        slow=_slow(fit, mismatch),
+        slow=beside_friction(fit, mismatch),
         baseline=compared.residual,
         baseline_ratio=compared.ratio,
         cycling_s=cycle.period_s if cycle is not None and cycle.regular else None,
@@ -515,7 +508,7 @@ def _with_verdict(
         steps=way_in_a_sample(fit.evaluator.problem) if fit.in_steps else 0.0,
         changed=_changed(fitted, fit, mismatch),
         leads_s=fitted.late_s if fitted.perhaps_exchanged else 0.0,
-        takes_s=takes_s(fit) if _only_the_fit_tells(mismatch) else 0.0,
+        takes_s=actuator_takes_s(fit, mismatch),
         without_lag=_without_lag(fitted, fit),
     )
     judgement = decide(evidence, limits)
@@ -540,20 +533,6 @@ def _with_verdict(
         network=network.network if network is not None else None,
         traces=_traces(fitted, fit, network),
     )
-
-
-def _slow(fit: StickSlipFit, mismatch: Mismatch | None) -> str:
-    """A sentence on what is beside friction: named effects, or where nothing else was asked or
-    needed, the actuator of the fit."""
-    if _only_the_fit_tells(mismatch):
-        return slowness(fit)
-    assert mismatch is not None
-    return beside_friction(mismatch)
-
-
-def _only_the_fit_tells(mismatch: Mismatch | None) -> bool:
-    """Whether nothing beside S, J and the actuator of the fit was asked or needed."""
-    return mismatch is None or mismatch.finding is Finding.NOT_TESTABLE
 
 
 def _without_lag(fitted: _Fitted, fit: StickSlipFit) -> float:
