@@ -31,7 +31,6 @@ from stemwatch.service.studies.benchmark.score import (
     BenchmarkScore,
     benchmark_score,
     interval_score,
-    parts_of,
 )
 from stemwatch.service.studies.benchmark.seal_and_score import judge, write_benchmark
 from stemwatch.service.studies.benchmark.truth import ValveTruth
@@ -145,7 +144,8 @@ def test_adding_a_blind_answer_never_raises_the_expected_score(
     gains = []
     for truth in cases:
         silent = {case: said for case, said in rest.items() if case != truth.case}
-        before, after = parts_of(cases, silent), parts_of(cases, silent | {truth.case: answer})
+        before = benchmark_score(cases, silent).parts
+        after = benchmark_score(cases, silent | {truth.case: answer}).parts
         gains.append([b.score - a.score for a, b in zip(before, after, strict=True)])
     assert np.max(np.mean(gains, axis=0)) <= 1e-12
 
