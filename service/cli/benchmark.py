@@ -139,7 +139,7 @@ def judge(
 
 
 def _table(scores: dict[str, BenchmarkScore]) -> Table:
-    from stemwatch.service.cli.prove_tables import plain_table
+    from stemwatch.service.cli.views import plain_table
     from stemwatch.service.studies.benchmark.score import PARTS
 
     table = plain_table("Order of merit: 1 the truth, 0 no answer", ("answers",), ())

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 
@@ -35,7 +36,7 @@ from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.clock_shift import behind_controller, late_evidence
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.studies.simulator import PlantLoop, draw_sticky, simulate_loop
-from stemwatch.service.executors import Executor, map_items
+from stemwatch.service.executors import Executor, results_in_order
 from stemwatch.service.studies.limit_beside_nulls import JointCondition, Limit, Tested
 from stemwatch.service.studies.robustness import WAYS, StudiedValve, draw_valves
 
@@ -162,17 +163,13 @@ def run_archive_limits(
     """``valves_each`` sticking and as many healthy valves in all ways, ``LOOPS_EACH`` times as many
     sticking ones of all kinds of loops as they are, and the quick ones of ``QUICK_AMONG`` times as
     many."""
-    evidence_at: dict[int, list[ArchiveEvidence]] = {}
     items: list[StudiedValve | LoopOfAnyKind] = [*draw_valves(valves_each, seed)]
     plain = LOOPS_EACH * valves_each
     loops = draw_sticky(plain + QUICK_AMONG * valves_each, seed)
     items += [
         LoopOfAnyKind(loop, 1000 * seed + index, index >= plain) for index, loop in enumerate(loops)
     ]
-    for index, evidence in map_items(executor, evidence_of_valve, items):
-        evidence_at[index] = evidence
-        on_progress(len(evidence_at))
-    return [evidence for index in sorted(evidence_at) for evidence in evidence_at[index]]
+    return list(chain(*results_in_order(executor, evidence_of_valve, items, on_progress)))
 
 
 def limits(evidence: Sequence[ArchiveEvidence]) -> Iterator[Limit]:
