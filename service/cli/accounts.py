@@ -148,7 +148,7 @@ def _user(store: Store, name: str) -> User:
     if user is None:
         names = [known.name for known in store.accounts.all()]
         raise typer.BadParameter(
-            f"there is no user {name!r}; nearest: {nearest_names(name, names) or 'nobody is one'}",
+            f"there is no user {name!r}; nearest: {nearest_names(name, names) or 'none'}",
             param_hint="NAME",
         )
     return user

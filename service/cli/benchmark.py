@@ -67,7 +67,7 @@ def write(
             seed=secrets.randbits(63) if seed is None else seed,
             cases=cases,
             executor=choose_executor(workers),
-            tell=advance,
+            on_progress=advance,
         )
     views.say_result(f"{folder}: {cases} recordings, README.md says what is asked")
     views.say_result(f"{truth}: the truth, SHA-256 {digest}")

@@ -43,7 +43,7 @@ def maintenance(
         if valve not in names:
             raise typer.BadParameter(
                 f"there is no valve {valve!r} in this store; nearest: "
-                f"{nearest_names(valve, sorted(names)) or 'it holds none'}",
+                f"{nearest_names(valve, sorted(names)) or 'none'}",
                 param_hint="VALVE",
             )
         store.record_maintenance(valve, moment, note, who)

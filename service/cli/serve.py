@@ -94,7 +94,7 @@ def run_now(
     if unknown := [name for name in valve or () if name not in loaded.valves]:
         raise typer.BadParameter(
             f"there is no valve {unknown[0]!r} in {plant}; nearest: "
-            f"{nearest_names(unknown[0], list(loaded.valves)) or 'it has none'}",
+            f"{nearest_names(unknown[0], list(loaded.valves)) or 'none'}",
             param_hint="VALVE",
         )
     in_part = valves_in_part(loaded, part_of(site, area, unit))

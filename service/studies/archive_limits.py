@@ -37,7 +37,12 @@ from stemwatch.models.stickslip.clock_shift import behind_controller, late_evide
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.studies.simulator import PlantLoop, draw_sticky, simulate_loop
 from stemwatch.service.executors import Executor, results_in_order
-from stemwatch.service.studies.limit_beside_nulls import JointCondition, Limit, Tested
+from stemwatch.service.studies.limit_beside_nulls import (
+    JointCondition,
+    Limit,
+    Tested,
+    every_second_piece,
+)
 from stemwatch.service.studies.robustness import WAYS, StudiedValve, draw_valves
 
 LATE = "OP stored 5 s late"
@@ -103,11 +108,14 @@ def evidence_of_valve(valve: StudiedValve | LoopOfAnyKind) -> list[ArchiveEviden
     loop, seed = valve.case.loop, valve.case.seed
     recording = simulate_loop(loop, seed).recording
     stored = [(way, WAYS[way].change(recording)) for way in ("as it is", LATE, *SLOW)]
-    stored += [(PIECE, piece) for piece in _pieces(recording)]
+    stored += [(PIECE, piece) for piece in every_second_piece(recording, PIECE_SAMPLES)]
     if not valve.sticking:
         loud = replace(loop, transmitters=replace(loop.transmitters, pv_noise=NOISE))
         noisy = simulate_loop(loud, seed).recording
-        stored += [(NOISY, noisy), *((NOISY_PIECE, piece) for piece in _pieces(noisy))]
+        stored += [
+            (NOISY, noisy),
+            *((NOISY_PIECE, piece) for piece in every_second_piece(noisy, PIECE_SAMPLES)),
+        ]
     return [_evidence(way, valve.sticking, on_own_clock(kept)) for way, kept in stored]
 
 
@@ -115,12 +123,6 @@ def _not_looked_at(per_turn: float) -> ArchiveEvidence:
     """Of a loop that turns too seldom for its slips to count against a fit."""
     unknown = dict.fromkeys([field.name for field in fields(ArchiveEvidence)[2:]], np.nan)
     return ArchiveEvidence(way=SELDOM, sticking=True, **{**unknown, "samples_per_turn": per_turn})
-
-
-def _pieces(recording: Recording) -> Iterator[Recording]:
-    """Every second piece of ``PIECE_SAMPLES``."""
-    for first in range(0, len(recording) - PIECE_SAMPLES + 1, 2 * PIECE_SAMPLES):
-        yield recording.part(first, first + PIECE_SAMPLES)
 
 
 def _evidence(storage: str, sticking: bool, recording: Recording) -> ArchiveEvidence:

@@ -33,7 +33,12 @@ from stemwatch.models.stickslip.stored_range import fitting_ranges, in_percent
 from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.models.studies.simulator.hidden import draw_hidden
 from stemwatch.service.executors import Executor, results_in_order
-from stemwatch.service.studies.limit_beside_nulls import JointCondition, Limit, Tested
+from stemwatch.service.studies.limit_beside_nulls import (
+    JointCondition,
+    Limit,
+    Tested,
+    every_second_piece,
+)
 from stemwatch.service.studies.miswiring import (
     AS_IT_IS,
     KINDS,
@@ -177,18 +182,13 @@ def shown_by_valve(valve: MiswiredValve | Recording) -> list[WiringShown]:
     recording = recorded.recording
     rightly = [(AS_IT_IS, recording)]
     rightly += [(way, WAYS[way].change(recording)) for way in (*STORED, *CURVES)]
-    rightly += [(PIECE, piece) for piece in _pieces(recording)]
+    rightly += [(PIECE, piece) for piece in every_second_piece(recording, PIECE_SAMPLES)]
     mixed_up = [(kind, KINDS[kind](recorded)) for kind in MIXED_UP]
     mixed_up.append((SPEED, _speed_for_op(recording)))
     return [
         *(shown(way, True, stored) for way, stored in rightly),
         *(shown(way, False, wired) for way, wired in mixed_up),
     ]
-
-
-def _pieces(recording: Recording) -> Iterator[Recording]:
-    for first in range(0, len(recording) - PIECE_SAMPLES + 1, 2 * PIECE_SAMPLES):
-        yield recording.part(first, first + PIECE_SAMPLES)
 
 
 def _speed_for_op(recording: Recording) -> Recording:

@@ -241,7 +241,7 @@ def benchmark_folder(quick_draw, tmp_path: Path) -> Path:
         seed=SECRET_SEED,
         cases=8,
         executor=InProcess(),
-        tell=lambda _: None,
+        on_progress=lambda _: None,
     )
     return folder
 
@@ -291,7 +291,7 @@ def test_the_same_seed_gives_the_same_set(quick_draw, tmp_path: Path) -> None:
             seed=seed,
             cases=8,
             executor=InProcess(),
-            tell=lambda _: None,
+            on_progress=lambda _: None,
         )
         for name, seed in (("one", 5151), ("two", 5151), ("three", 6161))
     ]
@@ -308,7 +308,7 @@ def test_the_same_seed_gives_the_same_set(quick_draw, tmp_path: Path) -> None:
                 seed=5151,
                 cases=cases,
                 executor=InProcess(),
-                tell=lambda _: None,
+                on_progress=lambda _: None,
             )
     assert (tmp_path / "one/README.md").read_bytes() == (tmp_path / "two/README.md").read_bytes()
 
