@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -20,10 +20,10 @@ from stemwatch.service.studies.proof.truth import (
 from stemwatch.service.studies.wilson import wilson
 
 RIGHT = (CaseOutcome.EXACT, CaseOutcome.CLASS)
-# Concealments with a target of their own; every other one counts among the routine records.
-QUANTISED = "quantised"
 NO_VERDICT = "not_testable"
-HARD = ("compressed", "quiet", "short")
+# Concealments that make a record harder, with the share of effects to find there. Every other one
+# counts among the routine records.
+HARDER = {"quantised": 0.80, "compressed": 0.80, "quiet": 0.80, "short": 0.75}
 
 VERSION = 1
 
@@ -61,15 +61,11 @@ class Rate:
 def headline(marks: Sequence[CaseMark]) -> list[Rate]:
     """The rates with a target, and those that show how far these can be trusted."""
     singles = [m for m in marks if m.truth.kind is CaseKind.SINGLE and m.truth.excited]
-    routine = [m for m in singles if m.truth.concealment not in (QUANTISED, *HARD)]
-    quantised = _under(singles, QUANTISED)
-    rates = [
-        *_naming("one effect, 1 h, moving", routine, by_class=0.94, when_named=0.97, exact=0.88),
-        *_naming("one effect, quantised", quantised, by_class=0.85),
-    ]
-    for concealment in HARD:
-        group = _under(singles, concealment)
-        rates += _naming(f"one effect, {concealment}", group, by_class=0.70, when_named=0.92)
+    routine = [m for m in singles if m.truth.concealment not in HARDER]
+    rates = _naming("one effect, 1 h, moving", routine, by_class=0.90, when_named=0.97)
+    for concealment, share in HARDER.items():
+        group = [m for m in singles if m.truth.concealment == concealment]
+        rates += _naming(f"one effect, {concealment}", group, by_class=share)
     return [
         *rates,
         *_pairs(marks),
@@ -78,10 +74,6 @@ def headline(marks: Sequence[CaseMark]) -> list[Rate]:
         *_unexcited(marks),
         _rate("every case", "no verdict at all", marks, lambda m: m.answer.verdict == NO_VERDICT),
     ]
-
-
-def _under(marks: Iterable[CaseMark], concealment: str) -> list[CaseMark]:
-    return [m for m in marks if m.truth.concealment == concealment]
 
 
 def _rate(
@@ -103,7 +95,6 @@ def _naming(
     *,
     by_class: float | None = None,
     when_named: float | None = None,
-    exact: float | None = None,
 ) -> list[Rate]:
     """Of all cases, and of those in which something was named."""
     named = [m for m in marks if m.named]
@@ -111,21 +102,20 @@ def _naming(
         _rate(group, "right by class", marks, lambda m: m.outcome in RIGHT, by_class),
         _rate(group, "right when named", named, lambda m: bool(m.right_name), when_named),
         _rate(group, "every name right", named, lambda m: not m.wrong_names),
-        _rate(group, "exact name", marks, lambda m: m.outcome is CaseOutcome.EXACT, exact),
+        _rate(group, "exact name", marks, lambda m: m.outcome is CaseOutcome.EXACT),
         _rate(group, "nothing named", marks, lambda m: m.outcome is CaseOutcome.MISS),
     ]
 
 
 def _pairs(marks: Sequence[CaseMark]) -> list[Rate]:
     pairs = [m for m in marks if m.truth.kind is CaseKind.PAIR and m.truth.excited]
-    hard = (QUANTISED, *HARD)
-    moving = [m for m in pairs if m.truth.concealment not in hard]
-    harder = [m for m in pairs if m.truth.concealment in hard]
+    moving = [m for m in pairs if m.truth.concealment not in HARDER]
+    harder = [m for m in pairs if m.truth.concealment in HARDER]
     at_least_one = (CaseOutcome.BOTH, CaseOutcome.ONE)
     rates = []
     for group, members, target in (
-        ("two effects, 1 h, moving", moving, 0.85),
-        ("two effects, harder records", harder, None),
+        ("two effects, 1 h, moving", moving, 0.80),
+        ("two effects, harder records", harder, 0.80),
     ):
         rates += [
             _rate(
@@ -146,15 +136,15 @@ def _nulls(marks: Sequence[CaseMark]) -> list[Rate]:
     usual_scatter = [m for m in nulls if m.truth.scatter < WIDE_SCATTER]
     wide = [m for m in nulls if m.truth.scatter >= WIDE_SCATTER]
 
-    def alarms(group: str, members: Sequence[CaseMark], target: float) -> Rate:
+    def alarms(group: str, members: Sequence[CaseMark]) -> Rate:
         return _rate(
-            group, "false alarm", members, lambda m: m.outcome is CaseOutcome.FALSE_ALARM, target,
+            group, "false alarm", members, lambda m: m.outcome is CaseOutcome.FALSE_ALARM, 0.03,
             at_most=True,
         )  # fmt: skip
 
     return [
-        alarms("nothing hidden, scatter to 8 %", usual_scatter, 0.03),
-        alarms("nothing hidden, scatter over 8 %", wide, 0.05),
+        alarms("nothing hidden, scatter to 8 %", usual_scatter),
+        alarms("nothing hidden, scatter over 8 %", wide),
     ]
 
 
@@ -163,9 +153,9 @@ def _unknowns(marks: Sequence[CaseMark]) -> list[Rate]:
     excited = [m for m in group if m.truth.excited]
     name = CaseKind.UNKNOWN.value
     return [
-        _rate(name, "caught as unknown", excited, lambda m: m.outcome is CaseOutcome.CAUGHT, 0.90),
+        _rate(name, "caught as unknown", excited, lambda m: m.outcome is CaseOutcome.CAUGHT, 0.85),
         _rate(
-            name, "misnamed", group, lambda m: m.outcome is CaseOutcome.MISNAMED, 0.03, at_most=True
+            name, "misnamed", group, lambda m: m.outcome is CaseOutcome.MISNAMED, 0.05, at_most=True
         ),
     ]
 
