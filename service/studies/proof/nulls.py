@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stemwatch.models.mismatch.acceptance.null_scores import null_scores
 from stemwatch.models.mismatch.acceptance_limits import (
     LEAST_OF_A_PAIR,
     MUCH_LEFT,
@@ -24,6 +23,7 @@ from stemwatch.models.mismatch.acceptance_limits import (
 )
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.recording import Floats
+from stemwatch.models.studies.null_scores import null_scores
 from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_nulls
 from stemwatch.service.executors import Executor, map_in_order
 
