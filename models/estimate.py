@@ -37,6 +37,13 @@ class Estimate:
         return cls(reason=reason, unit=unit)
 
     @property
+    def with_interval(self) -> tuple[float, float, float] | None:
+        """Value, low and high, where all three are known."""
+        if self.value is None or self.low is None or self.high is None:
+            return None
+        return self.value, self.low, self.high
+
+    @property
     def at_least(self) -> float | None:
         """The lower bound, where only that is known; else ``None``."""
         return self.low if self.value is None else None

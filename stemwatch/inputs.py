@@ -432,7 +432,8 @@ def _checked(recording: Recording, inputs: InputOptions) -> Recording:
     return recording
 
 
-def _name_list(names: Sequence[str], longest: int = 12) -> str:
+def _name_list(names: Sequence[str]) -> str:
+    longest = 12
     name_text = ", ".join(repr(name) for name in names[:longest])
     return (
         f"{name_text} and {len(names) - longest} more"

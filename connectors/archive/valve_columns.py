@@ -18,7 +18,7 @@ from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.connectors.historian.times.timeline import Timeline
 from stemwatch.connectors.historian.times.zones import to_utc
 from stemwatch.connectors.historian.values.columns import Column
-from stemwatch.models.recording import Bools, Role
+from stemwatch.models.recording import Bools, Recording, Role
 
 Bounds = tuple[int | None, int | None]
 _ALWAYS = (Role.OP, Role.MV)  # always read, and reported where they are missing
@@ -99,6 +99,29 @@ def need_samples(op: Column, window: Window, source_name: str, contents: Callabl
         else f"no samples between {window.start} and {window.stop}"
     )
     raise ConnectorError(f"{source_name}: {op.tag}: {span}; {contents()}")
+
+
+def recording_of_columns(
+    server: str,
+    layout: str,
+    zone: str,
+    columns: Mapping[str, Column],
+    valve: ValveTags,
+    window: Window,
+    *,
+    place: str = "the archive",
+) -> Recording:
+    """The recording of the ``columns``, by tag, that a ``server`` gave with times in UTC, as the
+    sentence ``zone`` says. Raises ``ConnectorError`` where OP has no sample in the window, with
+    the words for the ``place`` that holds none."""
+    from stemwatch.connectors.historian.recordings import assemble
+
+    nothing_there = f"{place} has nothing there. Ask for another window"
+    need_samples(columns[valve.tags[Role.OP].tag], window, server, lambda: nothing_there)
+    loaded = ValveColumns(
+        source_name=server, layout=layout, columns=columns, zone=zone, decisions=(zone,)
+    )
+    return assemble(loaded, valve, window)
 
 
 def empty_column(tag: str) -> Column:

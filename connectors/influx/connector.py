@@ -140,8 +140,8 @@ class InfluxArchive:
         Raises ``UnknownTag`` for a tag that is not there, and ``ConnectorError`` for a window
         without values of OP, and a server that does not answer.
         """
-        from stemwatch.connectors.archive.valve_columns import ValveColumns, need_samples
-        from stemwatch.connectors.historian.recordings import assemble, need_op
+        from stemwatch.connectors.archive.valve_columns import recording_of_columns
+        from stemwatch.connectors.historian.recordings import need_op
         from stemwatch.connectors.influx.query import connected
 
         server = str(self.address)
@@ -151,12 +151,7 @@ class InfluxArchive:
                 mapping.tag: self._column(query, mapping.tag, role, window)
                 for role, mapping in valve.tags.items()
             }
-        nothing_there = "the archive has nothing there. Ask for another window"
-        need_samples(columns[valve.tags[Role.OP].tag], window, server, lambda: nothing_there)
-        loaded = ValveColumns(
-            source_name=server, layout=LAYOUT, columns=columns, zone=ZONE, decisions=(ZONE,)
-        )
-        return assemble(loaded, valve, window)
+        return recording_of_columns(server, LAYOUT, ZONE, columns, valve, window)
 
     def _column(self, query: InfluxQuery, tag: str, role: Role, window: Window) -> Column:
         import numpy as np

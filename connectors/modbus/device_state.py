@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+_PERCENT = 99.0
 _KEPT = 3600  # polls for the percentiles: an hour at 1 s
 
 
@@ -33,16 +34,16 @@ class DeviceState:
     late_s: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT), repr=False)
     took_s: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT), repr=False)
 
-    def lateness_s(self, percent: float = 99.0) -> float | None:
-        """Seconds from a poll's instant to its last answer, at this percentile; ``None`` before
-        the first poll."""
-        return _percentile(self.late_s, percent)
+    def lateness_s(self) -> float | None:
+        """Seconds from a poll's instant to its last answer, of 99 in 100 at most; ``None``
+        before the first poll."""
+        return _percentile(self.late_s)
 
-    def duration_s(self, percent: float = 99.0) -> float | None:
-        """Seconds that a poll took, at this percentile; ``None`` before the first poll."""
-        return _percentile(self.took_s, percent)
+    def duration_s(self) -> float | None:
+        """Seconds that a poll took, of 99 in 100 at most; ``None`` before the first one."""
+        return _percentile(self.took_s)
 
 
-def _percentile(values: deque[float], percent: float) -> float | None:
+def _percentile(values: deque[float]) -> float | None:
     snapshot = list(values)  # at once: another thread may be adding to it
-    return float(np.percentile(snapshot, percent)) if snapshot else None
+    return float(np.percentile(snapshot, _PERCENT)) if snapshot else None

@@ -91,13 +91,12 @@ def read_devices(
     tables: Sequence[Mapping[str, Any]],
     line_of: LineOf = lambda path: None,
     file: str = "plant.toml",
-    devices_path: KeyPath = ("devices",),
     folder: Path | None = None,
 ) -> DeviceMap:
     """The devices that ``tables`` (the value of ``[[devices]]``) describe.
 
     ``line_of`` gives the line of a key path such as ``("devices", 0, "registers", 3, "address")``;
-    ``devices_path`` is where ``tables`` stand in it; ``folder`` is where lists of registers are
+    ``folder`` is where lists of registers are
     looked for (``registers = "registers.csv"``), the current one if left out. Nothing is raised for
     what is wrong in them: it is left out, and stands in ``problems`` with its file and line, what
     was found and what was expected.
@@ -105,11 +104,9 @@ def read_devices(
     reader = _Reader(file, line_of, folder or Path())
     devices: dict[str, Device] = {}
     for index, table in enumerate(tables):
-        path = (*devices_path, index)
+        path = ("devices", index)
         name = table.get("name")
-        label = (
-            f"{devices_path[-1]}[{name if isinstance(name, str) and name.strip() else index + 1}]"
-        )
+        label = f"devices[{name if isinstance(name, str) and name.strip() else index + 1}]"
         device = _device(reader, table, path, label)
         if device is None:
             continue

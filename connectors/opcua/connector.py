@@ -168,12 +168,8 @@ class OpcUaArchive:
         Raises ``UnknownTag`` for a node that is not there, and ``ConnectorError`` for one without
         history, a window without samples of OP, and a server that does not answer.
         """
-        from stemwatch.connectors.archive.valve_columns import (
-            ValveColumns,
-            bounds_of,
-            need_samples,
-        )
-        from stemwatch.connectors.historian.recordings import assemble, need_op
+        from stemwatch.connectors.archive.valve_columns import bounds_of, recording_of_columns
+        from stemwatch.connectors.historian.recordings import need_op
 
         server = str(self.address)
         need_op(server, valve)
@@ -183,12 +179,9 @@ class OpcUaArchive:
             mapping.tag: self._column(mapping.tag, role, histories[mapping.tag], bounds)
             for role, mapping in valve.tags.items()
         }
-        nothing_there = "the server's history has nothing there. Ask for another window"
-        need_samples(columns[valve.tags[Role.OP].tag], window, server, lambda: nothing_there)
-        loaded = ValveColumns(
-            source_name=server, layout=LAYOUT, columns=columns, zone=ZONE, decisions=(ZONE,)
+        return recording_of_columns(
+            server, LAYOUT, ZONE, columns, valve, window, place="the server's history"
         )
-        return assemble(loaded, valve, window)
 
     async def _read_history(self, valve: ValveTags, window: Window) -> dict[str, History]:
         from stemwatch.connectors.opcua.session import browse, connected, read_history

@@ -152,8 +152,8 @@ class PiArchive:
         Raises ``UnknownTag`` for a point that is not there, and ``ConnectorError`` for a window
         without values of OP, and a server that does not answer.
         """
-        from stemwatch.connectors.archive.valve_columns import ValveColumns, need_samples
-        from stemwatch.connectors.historian.recordings import assemble, need_op
+        from stemwatch.connectors.archive.valve_columns import recording_of_columns
+        from stemwatch.connectors.historian.recordings import need_op
         from stemwatch.connectors.pi.values import ZONE
         from stemwatch.connectors.pi.web_api import connected
 
@@ -169,12 +169,7 @@ class PiArchive:
             )
             for role, mapping in valve.tags.items()
         }
-        nothing_there = "the archive has nothing there. Ask for another window"
-        need_samples(columns[valve.tags[Role.OP].tag], window, server, lambda: nothing_there)
-        loaded = ValveColumns(
-            source_name=server, layout=LAYOUT, columns=columns, zone=ZONE, decisions=(ZONE,)
-        )
-        return assemble(loaded, valve, window)
+        return recording_of_columns(server, LAYOUT, ZONE, columns, valve, window)
 
     def _bounds(self, window: Window) -> tuple[str, str]:
         """The window as the server reads times; it also gives what lies at the end itself."""

@@ -92,6 +92,8 @@ class Term(Protocol):
     acts_on: ActsOn
     order: int  # the order in the chain among the terms that act on the same thing
     contains: tuple[str, ...]  # slugs of simpler terms that are special cases of this one
+    # Whether the position may swing by it; a reading that is off, or wanders slowly, is no cause.
+    may_swing: bool
     words: Words
 
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:

@@ -81,14 +81,12 @@ def find_groups(
     pv: LoopSpectra,
     limits: GroupLimits,
     sticking: Mapping[int, float] = NOT_ASKED,
-    of_each_loop: Sequence[LoopOscillation] | None = None,
 ) -> list[FoundGroup]:
     """The groups, the strongest first. ``spectra`` are those of SP - PV, ``pv`` those of PV, of the
     same loops on the same clock. ``sticking``: the log odds from OP and PV that a loop's
-    valve sticks, where they are known. ``of_each_loop``: ``oscillations(spectra)`` where it is
-    known.
+    valve sticks, where they are known.
     """
-    seen = list(of_each_loop or oscillations(spectra))
+    seen = oscillations(spectra)
     remaining = spectra.spectra.copy()
     open_ = sorted(
         (peak for peak in seen if peak.share >= limits.share), key=lambda peak: -peak.share

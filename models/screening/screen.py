@@ -26,6 +26,7 @@ from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.mismatch.measurement.between_samples import Archive, as_sampled
 from stemwatch.models.mismatch.measurement.record_effects import late_effect, scan_sentence
+from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.preparation.fit_window import (
@@ -98,8 +99,6 @@ class Options:
 DEFAULTS = Options()
 
 GROWING = "growing_stiction"
-# A reading that is off, or wanders slowly, is no cause of a swing.
-STANDS_OFF = frozenset(("bowed_linkage", "sensor_drift", "span_error", "zero_shift"))
 SLOW_ACTUATOR = (
     "Friction behind a slow actuator follows the part of the recording that was not fitted far "
     "better than friction with other physics: nothing else is named."
@@ -560,7 +559,7 @@ def _own_swing(fit: StickSlipFit, mismatch: Mismatch | None) -> OwnSwing | None:
     """The swing of the position that its command does not have, where nothing was named that may
     be its cause."""
     named = () if mismatch is None else mismatch.effects
-    if any(one.slug not in STANDS_OFF for one in named):
+    if any(catalogue()[one.slug].may_swing for one in named):
         return None
     return own_swing(fit.evaluator.problem, fit.evaluator.simulate(fit.candidate, resynced=True))
 

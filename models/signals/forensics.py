@@ -46,6 +46,7 @@ def noise_sigma(values: Floats) -> float:
     return float(1.4826 * median(np.abs(bends - median(bends))) / np.sqrt(6.0))
 
 
+QUIET_WINDOW = 30  # samples
 LEAST_WINDOWS = 5
 COARSE_PERCENT = 0.1  # a finer step of a recorder is not mentioned
 MOST_REPEATS = 0.93  # share of repeats, up to which a signal shows its recorder's step
@@ -60,7 +61,7 @@ def medians_of_three(values: Floats) -> Floats:
     return np.asarray(np.median(np.stack((values[:-2], values[1:-1], values[2:])), axis=0))
 
 
-def quiet_sigma(values: Floats, window: int = 30, share: float = 0.2) -> float:
+def quiet_sigma(values: Floats) -> float:
     """``noise_sigma`` over the quieter windows, for a stem that moves nearly all the time.
 
     Such a stem has larger second differences than the noise. The estimate is the 20th percentile
@@ -68,18 +69,20 @@ def quiet_sigma(values: Floats, window: int = 30, share: float = 0.2) -> float:
     above ``noise_sigma``.
     """
     sigma_of_all = noise_sigma(values)
-    count = values.size // window
+    count = values.size // QUIET_WINDOW
     if count < 5:
         return sigma_of_all
     bent = np.isfinite(np.convolve(values, (1.0, 1.0, 1.0), "valid"))
     windows = zip(np.array_split(values[1:-1], count), np.array_split(bent, count), strict=True)
     # A window with few measured samples gives no estimate of the noise.
     parts = [
-        noise_sigma(part) for part, finite in windows if np.count_nonzero(finite) >= window // 2
+        noise_sigma(part)
+        for part, finite in windows
+        if np.count_nonzero(finite) >= QUIET_WINDOW // 2
     ]
     if len(parts) < LEAST_WINDOWS:
         return sigma_of_all
-    return min(sigma_of_all, 1.15 * float(np.percentile(parts, 100.0 * share)))
+    return min(sigma_of_all, 1.15 * float(np.percentile(parts, 20.0)))
 
 
 @kept_of_array

@@ -62,11 +62,10 @@ LEAST_AGAINST = 3.0
 WHOLE = 0.4  # samples: a shift this near to a whole number is taken as that number
 
 
-def find_op_late(recording: Recording, first_look: FirstLook | None = None) -> float:
+def find_op_late(recording: Recording) -> float:
     """How late OP was stored against the position, seconds of the recording's clock; 0 where it was
-    not, or where this cannot be decided. ``first_look`` saves time where it has been made already.
-    """
-    return late_evidence(recording, first_look).late_s(recording.interval_s)
+    not, or where this cannot be decided."""
+    return late_evidence(recording).late_s(recording.interval_s)
 
 
 def brought_forward(recording: Recording, late_s: float) -> Recording:

@@ -477,11 +477,11 @@ def _bent(op: Floats, bend: float) -> Floats:
     return np.asarray(100.0 * np.expm1(bend * op / 100.0) / np.expm1(bend))
 
 
-def robust_weights(columns: Floats, values: Floats, rounds: int = 8) -> Floats:
+def robust_weights(columns: Floats, values: Floats) -> Floats:
     """Weights (m,) by iteratively reweighted least squares with Cauchy's weights."""
     weight: Floats = np.ones(values.size)
     coefficients: Floats = np.zeros(columns.shape[1])
-    for _ in range(rounds):
+    for _ in range(8):
         root = np.sqrt(weight)
         solved = np.linalg.lstsq(columns * root[:, None], values * root, rcond=None)
         coefficients = np.asarray(solved[0], dtype=np.float64)

@@ -13,10 +13,9 @@ from typer.models import CommandInfo
 
 from stemwatch.service.cli.accounts import accounts_app
 from stemwatch.service.cli.alert_trial import alert_trial
-from stemwatch.service.cli.archive import simulate_archive
 from stemwatch.service.cli.benchmark import benchmark_app
-from stemwatch.service.cli.calibrate import calibrate_mismatch
 from stemwatch.service.cli.calibrate_limits import calibrate_archives, calibrate_wiring
+from stemwatch.service.cli.calibrate_mismatch import calibrate_mismatch
 from stemwatch.service.cli.compare import compare
 from stemwatch.service.cli.db import db_app
 from stemwatch.service.cli.demo import demo
@@ -37,6 +36,7 @@ from stemwatch.service.cli.robustness import robustness
 from stemwatch.service.cli.screen import screen
 from stemwatch.service.cli.serve import run_now, serve
 from stemwatch.service.cli.simulate import simulate
+from stemwatch.service.cli.simulate_archive import simulate_archive
 from stemwatch.service.cli.study_oscillations import study_oscillations
 from stemwatch.service.cli.study_twin import study_twin
 from stemwatch.service.cli.study_wear_forecast import study_wear_forecast

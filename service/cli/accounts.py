@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stemwatch.service.cli import options as o
+from stemwatch.service.cli.store_options import PlantOfStore, StoreUrl, named_store
 
 if TYPE_CHECKING:
     from stemwatch.service.store.accounts.records import OneTimeLinkKind, User, UserRole
@@ -25,14 +25,12 @@ accounts_app = typer.Typer(
 )
 Name = Annotated[str, typer.Argument(help="The user's name.")]
 RoleWord = Annotated[str, typer.Option(help="viewer, engineer or admin.")]
-PlantFile = Annotated[Path | None, typer.Option(help="plant.toml, for its database.")]
-Database = Annotated[str, typer.Option(help="Database URL, instead of --plant.")]
 Address = Annotated[str, typer.Option(help="Where the pages are, for the link.")]
 PAGES = "http://127.0.0.1:8300/"
 
 
 @accounts_app.command("list")
-def list_users(plant: PlantFile = None, db: Database = "") -> None:
+def list_users(plant: PlantOfStore = None, db: StoreUrl = "") -> None:
     """List the users with their roles."""
     from stemwatch.service.cli import views
 
@@ -51,7 +49,7 @@ def list_users(plant: PlantFile = None, db: Database = "") -> None:
 
 
 @accounts_app.command("first-link")
-def first_link(plant: PlantFile = None, db: Database = "", address: Address = PAGES) -> None:
+def first_link(plant: PlantOfStore = None, db: StoreUrl = "", address: Address = PAGES) -> None:
     """Print a new one-time link for the first admin; an earlier one becomes invalid."""
     from stemwatch.service.access import links
 
@@ -70,8 +68,8 @@ def first_link(plant: PlantFile = None, db: Database = "", address: Address = PA
 def add(
     note: Annotated[str, typer.Argument(help="For whom the link is.")] = "",
     role: RoleWord = "viewer",
-    plant: PlantFile = None,
-    db: Database = "",
+    plant: PlantOfStore = None,
+    db: StoreUrl = "",
     address: Address = PAGES,
 ) -> None:
     """Print a one-time link at which a new user chooses name and password."""
@@ -84,7 +82,9 @@ def add(
 
 
 @accounts_app.command("reset")
-def reset(name: Name, plant: PlantFile = None, db: Database = "", address: Address = PAGES) -> None:
+def reset(
+    name: Name, plant: PlantOfStore = None, db: StoreUrl = "", address: Address = PAGES
+) -> None:
     """Print a one-time link at which a user chooses a new password."""
     from stemwatch.service.store.accounts.records import OneTimeLinkKind
 
@@ -101,8 +101,8 @@ def reset(name: Name, plant: PlantFile = None, db: Database = "", address: Addre
 def set_role(
     name: Name,
     role: Annotated[str, typer.Argument(help="viewer, engineer or admin.")],
-    plant: PlantFile = None,
-    db: Database = "",
+    plant: PlantOfStore = None,
+    db: StoreUrl = "",
 ) -> None:
     """Change a user's role, with immediate effect."""
     with _store(plant, db) as store:
@@ -113,7 +113,7 @@ def set_role(
 
 
 @accounts_app.command("disable")
-def disable(name: Name, plant: PlantFile = None, db: Database = "") -> None:
+def disable(name: Name, plant: PlantOfStore = None, db: StoreUrl = "") -> None:
     """Disable a user: sessions end, links are withdrawn, tokens are invalid until enabled again."""
     with _store(plant, db) as store:
         user = _user(store, name)
@@ -123,7 +123,7 @@ def disable(name: Name, plant: PlantFile = None, db: Database = "") -> None:
 
 
 @accounts_app.command("enable")
-def enable(name: Name, plant: PlantFile = None, db: Database = "") -> None:
+def enable(name: Name, plant: PlantOfStore = None, db: StoreUrl = "") -> None:
     """Allow a disabled user to sign in again."""
     with _store(plant, db) as store:
         user = _user(store, name)
@@ -134,12 +134,9 @@ def enable(name: Name, plant: PlantFile = None, db: Database = "") -> None:
 
 @contextmanager
 def _store(plant: Path | None, db: str) -> Iterator[Store]:
-    from stemwatch.service.config import load_plant
     from stemwatch.service.store.store import open_existing_store
 
-    if not db and plant is None:
-        raise typer.BadParameter("give --plant plant.toml or --db URL")
-    address = db or load_plant(o.need_file(plant or Path(), "--plant")).storage
+    address, _ = named_store(None if db else plant, db)
     with open_existing_store(address) as store:
         yield store
 
@@ -151,7 +148,7 @@ def _user(store: Store, name: str) -> User:
     if user is None:
         names = [known.name for known in store.accounts.all()]
         raise typer.BadParameter(
-            f"there is no user {name!r}; nearest: {nearest_names(name, names) or 'nobody is one'}",
+            f"there is no user {name!r}; nearest: {nearest_names(name, names) or 'none'}",
             param_hint="NAME",
         )
     return user

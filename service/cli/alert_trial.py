@@ -34,8 +34,6 @@ def alert_trial(
     work that did not help; repairs that are recorded and repairs that nobody recorded. Each day
     goes through the schedule, the queue, the run, the store and the rules of the service.
     """
-    from rich.progress import Progress
-
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.studies.alert_trial import AlertPlan, play
@@ -51,15 +49,9 @@ def alert_trial(
     )
     with (
         tempfile.TemporaryDirectory(prefix="stemwatch-alert-trial-") as folder,
-        Progress(console=views.err) as progress,
+        views.progress("days", days) as advance,
     ):
-        bar = progress.add_task("days", total=days)
-        played = play(
-            plan,
-            Path(folder),
-            choose_executor(workers),
-            lambda days_done: progress.update(bar, completed=days_done),
-        )
+        played = play(plan, Path(folder), choose_executor(workers), advance)
     _print(played)
     if json_file is not None:
         views.write_json(json_file, _as_json(played), allow_nan=True)

@@ -67,7 +67,7 @@ def write(
             seed=secrets.randbits(63) if seed is None else seed,
             cases=cases,
             executor=choose_executor(workers),
-            tell=advance,
+            on_progress=advance,
         )
     views.say_result(f"{folder}: {cases} recordings, README.md says what is asked")
     views.say_result(f"{truth}: the truth, SHA-256 {digest}")
@@ -139,7 +139,7 @@ def judge(
 
 
 def _table(scores: dict[str, BenchmarkScore]) -> Table:
-    from stemwatch.service.cli.prove_tables import plain_table
+    from stemwatch.service.cli.views import plain_table
     from stemwatch.service.studies.benchmark.score import PARTS
 
     table = plain_table("Order of merit: 1 the truth, 0 no answer", ("answers",), ())

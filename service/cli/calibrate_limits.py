@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stemwatch.service.cli import options as o
-from stemwatch.service.cli.json_lines import by_lines, rounded
+from stemwatch.service.cli.study_json import study_json
 
 if TYPE_CHECKING:
     from stemwatch.service.studies.limit_beside_nulls import Limit
@@ -84,7 +84,7 @@ def calibrate_wiring(
 def _print(title: str, found: str, limits: Sequence[Limit]) -> None:
     """The table of limits, and which too many nulls lie beyond."""
     from stemwatch.service.cli import views
-    from stemwatch.service.cli.prove_tables import plain_table
+    from stemwatch.service.cli.views import plain_table
 
     columns = ("limit", "needed", "nearest null", "nulls beyond it", found)
     table = plain_table(title, ("what",), columns)
@@ -117,4 +117,4 @@ def _write(
         "limits": [asdict(limit) for limit in limits],
         "recordings": [asdict(recording) for recording in recordings],
     }
-    views.write_file(json_file, by_lines(rounded(report)))
+    views.write_file(json_file, study_json(report))

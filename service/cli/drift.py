@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,12 +13,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from stemwatch.models.estimate import Estimate
     from stemwatch.service.studies.drift import Followed
-
-TARGET = 0.95  # area under the curve that the indicator is meant to reach
-FALSE_ALARMS = (0.05, 0.02)  # shares of healthy valves that calibrated limits let raise an alarm
-_BANDS = ((1.5, 2.5), (2.5, 4.0), (4.0, float("inf")))  # S in the last window, percent of span
 
 
 def drift(
@@ -39,7 +34,7 @@ def drift(
     """
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
-    from stemwatch.service.studies.drift import HEALTHY, ValveFate, run_drift
+    from stemwatch.service.studies.drift import HEALTHY, ValveFate, as_json, run_drift
 
     executor = choose_executor(workers)
     with views.progress("valves", valves) as advance:
@@ -53,88 +48,10 @@ def drift(
     views.say_read_on("networks.md")
 
 
-def areas(followed: Sequence[Followed]) -> dict[str, Estimate]:
-    """The area under the curve of growing stiction against each kind of healthy valve.
-
-    The last one leaves out nothing: a valve that could not be scored raises no alarm, so it ranks
-    below all that were.
-    """
-    from stemwatch.service.studies.drift import HEALTHY, ValveFate, scores
-    from stemwatch.service.studies.roc import area_estimate
-
-    growing = scores(followed, ValveFate.GROWING)
-    estimates = {fate.value: area_estimate(growing, scores(followed, fate)) for fate in HEALTHY}
-    estimates["both"] = area_estimate(growing, scores(followed, *HEALTHY))
-    ranked = [(valve.way, valve.score or 0.0) for valve in followed]
-    estimates["both, a refusal being no alarm"] = area_estimate(
-        [score for fate, score in ranked if fate is ValveFate.GROWING],
-        [score for fate, score in ranked if fate in HEALTHY],
-    )
-    return estimates
-
-
-def limits(calibration: Sequence[Followed]) -> dict[str, float]:
-    """The limits that alarms are counted with: name, ratio."""
-    from stemwatch.models.limits import Limits
-    from stemwatch.service.studies.drift import HEALTHY, calibrated_limit, scores
-
-    healthy = scores(calibration, *HEALTHY)
-    limits = {
-        f"calibrated, {share:.0%}": calibrated_limit(healthy, share) for share in FALSE_ALARMS
-    }
-    named = {name: limit for name, limit in limits.items() if limit is not None}
-    return {**named, "watch limit": Limits().baseline_ratio_watch}
-
-
-def alarms(followed: Sequence[Followed], limit: float) -> list[tuple[str, int, int]]:
-    """Rows of (group of valves, number of alarms, number of scored valves)."""
-    from stemwatch.service.studies.drift import ValveFate, scores
-
-    groups = [(fate.value, scores(followed, fate)) for fate in ValveFate]
-    grown = [valve for valve in followed if valve.way is ValveFate.GROWING]
-    for low, high in _BANDS:
-        band = [followed for followed in grown if low <= round(followed.S, 6) < high]
-        upto = f"{low:g} to {high:g} %" if high < 100.0 else f"{low:g} % and more"
-        groups.append((f"growing, to S of {upto}", scores(band, ValveFate.GROWING)))
-    above_limit = [
-        (name, sum(score > limit for score in group), len(group)) for name, group in groups
-    ]
-    everyone = sum((followed.score or 0.0) > limit for followed in grown)
-    return [*above_limit, ("growing, with those refused", everyone, len(grown))]
-
-
-def as_json(followed: Sequence[Followed], calibration: Sequence[Followed]) -> dict[str, Any]:
-    """The complete result as JSON."""
-    from dataclasses import asdict
-
-    from stemwatch.service.studies.trial import wilson
-
-    return {
-        "target_auc": TARGET,
-        "auc": {name: asdict(area) for name, area in areas(followed).items()},
-        "limits": {
-            name: {
-                "ratio": limit,
-                "alarms": [
-                    {
-                        "of": group,
-                        "alarms": count,
-                        "scored": total,
-                        "interval": wilson(count, total),
-                    }
-                    for group, count, total in alarms(followed, limit)
-                ],
-            }
-            for name, limit in limits(calibration).items()
-        },
-        "followed": [asdict(valve) | {"score": valve.score} for valve in followed],
-        "calibration": [asdict(followed) | {"score": followed.score} for followed in calibration],
-    }
-
-
 def show(followed: Sequence[Followed], calibration: Sequence[Followed]) -> None:
     """Ratios, areas under the curve with the target, and alarms with their intervals."""
     from stemwatch.service.cli import views
+    from stemwatch.service.studies.drift import TARGET, areas, limits
 
     views.out.print(_ratio_table(followed))
     views.out.print(
@@ -193,7 +110,8 @@ def _ratio_table(followed: Sequence[Followed]) -> Table:
 def _alarm_table(followed: Sequence[Followed], named: dict[str, float]) -> Table:
     from rich.table import Table
 
-    from stemwatch.service.studies.trial import wilson
+    from stemwatch.service.studies.drift import alarms
+    from stemwatch.service.studies.wilson import wilson
 
     table = Table(title="Alarms", title_justify="left")
     for name in ("limit", "valves"):

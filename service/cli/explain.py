@@ -65,23 +65,19 @@ def _worked(
     recordings: Sequence[RecordingToExplain], narx: bool, limits: Limits, workers: int | None
 ) -> list[Explained]:
     from stemwatch.service.cli import views
-    from stemwatch.service.executors import choose_executor, map_items
+    from stemwatch.service.executors import choose_executor, results_in_order
     from stemwatch.service.explain.explain_recording import Job, explain_one
 
     jobs = [Job(to_explain=task, narx=narx, limits=limits) for task in recordings]
-    results: dict[int, Explained] = {}
     with views.progress("explaining", len(jobs), transient=True) as advance:
-        for index, explained in map_items(choose_executor(workers), explain_one, jobs):
-            results[index] = explained
-            advance(len(results))
-    return [results[index] for index in sorted(results)]
+        return results_in_order(choose_executor(workers), explain_one, jobs, advance)
 
 
 def _report(
     valves: Sequence[Explained], request: Request, out: Path | None, json_file: Path | None
 ) -> None:
     from stemwatch.service.cli import views
-    from stemwatch.service.cli.explanation import explanation, tally
+    from stemwatch.service.cli.explanation_views import explanation, tally
 
     if json_file is not None:
         from stemwatch.service.explain.explain_json import to_json

@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from stemwatch.service.cli import options as o
+from stemwatch.service.cli.store_options import PlantOfStore, StoreUrl, named_store
 
 
 def feedback(
-    plant: Annotated[Path | None, typer.Option(help="plant.toml, for its database.")] = None,
-    db: Annotated[str, typer.Option(help="Database URL, instead of --plant.")] = "",
+    plant: PlantOfStore = None,
+    db: StoreUrl = "",
     out: Annotated[Path | None, typer.Option(help="Write every label to this CSV file.")] = None,
 ) -> None:
     """Count what people said of the findings: right, wrong, partly right; export it as labels.
@@ -20,16 +20,13 @@ def feedback(
     It is given on the page of each valve, by those who may record maintenance.
     """
     from stemwatch.service.cli import views
-    from stemwatch.service.config import load_plant
     from stemwatch.service.maintenance.labels import labels_csv
     from stemwatch.service.store.errors import StoreError
     from stemwatch.service.store.screenings.feedback import Judgement
     from stemwatch.service.store.store import open_existing_store
 
-    if not db and plant is None:
-        raise typer.BadParameter("give --plant plant.toml or --db URL")
-    loaded = load_plant(o.need_file(plant, "--plant")) if plant is not None else None
-    with open_existing_store(db or (loaded.storage if loaded else db)) as store:
+    address, _ = named_store(plant, db)
+    with open_existing_store(address) as store:
         labels = store.feedback()
         if not labels and not store.valves():
             raise StoreError(f"{store.address}: no valve was screened into this database yet")

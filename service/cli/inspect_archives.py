@@ -109,7 +109,7 @@ def _tags_of(
 
 def _show_valves(tags: Sequence[ProposedTag], valves: Sequence[str]) -> None:
     from stemwatch.service.cli import views
-    from stemwatch.service.cli.prove_tables import plain_table
+    from stemwatch.service.cli.views import plain_table
 
     if not valves:
         return

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from stemwatch.service.cli import options as o
+from stemwatch.service.cli.store_options import PlantOfStore, StoreUrl, named_store
 
 
 def maintenance(
     valve: Annotated[str, typer.Argument(help="The valve's id.")],
     note: Annotated[str, typer.Option(help="What was done: 'packing renewed'.")],
-    plant: Annotated[Path | None, typer.Option(help="plant.toml, for its database.")] = None,
-    db: Annotated[str, typer.Option(help="Database URL, instead of --plant.")] = "",
+    plant: PlantOfStore = None,
+    db: StoreUrl = "",
     at: Annotated[str, typer.Option(help="When, ISO time; now where left out.")] = "",
     who: Annotated[str, typer.Option(help="Who did it.")] = "",
     zone: o.Zone = "",
@@ -27,18 +27,14 @@ def maintenance(
     """
     from stemwatch.connectors.connector import nearest_names
     from stemwatch.service.cli import views
-    from stemwatch.service.config import load_plant
     from stemwatch.service.store.screenings.records import not_done_yet
     from stemwatch.service.store.store import open_existing_store, open_store
 
-    if not db and plant is None:
-        raise typer.BadParameter("give --plant plant.toml or --db URL")
-    loaded = load_plant(o.need_file(plant, "--plant")) if plant is not None else None
+    address, loaded = named_store(plant, db)
     home = zone or (loaded.zone if loaded else None) or ""
     moment = o.instant(at, home, "--at") or datetime.now(UTC)
     if reason := not_done_yet(moment, datetime.now(UTC)):
         raise typer.BadParameter(reason, param_hint="--at")
-    address = db or (loaded.storage if loaded else db)
     # A plant file names its valves before any run; without one the database may be mistyped.
     opened = open_existing_store(address) if db else open_store(address)
     with opened as store:
@@ -47,7 +43,7 @@ def maintenance(
         if valve not in names:
             raise typer.BadParameter(
                 f"there is no valve {valve!r} in this store; nearest: "
-                f"{nearest_names(valve, sorted(names)) or 'it holds none'}",
+                f"{nearest_names(valve, sorted(names)) or 'none'}",
                 param_hint="VALVE",
             )
         store.record_maintenance(valve, moment, note, who)

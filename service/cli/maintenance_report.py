@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from stemwatch.service.cli import options as o
+from stemwatch.service.cli.store_options import named_store
 
 
 def maintenance_report(
@@ -40,14 +41,10 @@ def maintenance_report(
     """
     from stemwatch.service.cli import views
     from stemwatch.service.cli.reading import part_of
-    from stemwatch.service.config import load_plant
     from stemwatch.service.maintenance.stored import report_of_store
     from stemwatch.service.store.store import open_existing_store
 
-    if not db and plant is None:
-        raise typer.BadParameter("give --plant plant.toml or --db URL")
-    loaded = load_plant(o.need_file(plant, "--plant")) if plant is not None else None
-    address = db or (loaded.storage if loaded else db)
+    address, loaded = named_store(plant, db)
     with open_existing_store(address) as store:
         files = report_of_store(
             store,

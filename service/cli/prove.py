@@ -52,9 +52,10 @@ def prove(
     """
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
-    from stemwatch.service.studies.proof.draw import CALIBRATED_WITH, draw_cases
+    from stemwatch.service.studies.proof.draw import draw_cases
+    from stemwatch.service.studies.seeds import LIMITS_CALIBRATED_WITH
 
-    if seed in CALIBRATED_WITH:
+    if seed in LIMITS_CALIBRATED_WITH:
         views.say(f"Seed {seed} is one that thresholds were calibrated with: this is not blind.")
     hidden_cases = draw_cases(cases, seed, effect, concealment)
     with _folder(keep) as folder:

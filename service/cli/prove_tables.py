@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from stemwatch.service.cli.views import escape
+from stemwatch.service.cli.views import escape, plain_table
 from stemwatch.service.studies.proof import figures
 from stemwatch.service.studies.proof.rates import (
     Rate,
@@ -62,23 +61,6 @@ def figures_lines(marks: Sequence[CaseMark]) -> Iterator[str]:
         )
     for reason, count in without_verdict(marks)[:MOST_REASONS]:
         yield f"[yellow]no verdict[/] on {count}: {escape(reason)}"
-
-
-def plain_table(title: str, left_columns: Sequence[str], right: Sequence[str]) -> Table:
-    """A table without frames, so that numbers fit into eighty columns uncut."""
-    table = Table(
-        title=title,
-        title_justify="left",
-        box=SIMPLE_HEAD,
-        padding=0,
-        pad_edge=False,
-        show_edge=False,
-    )
-    for name in left_columns:
-        table.add_column(name, overflow="fold")
-    for name in right:
-        table.add_column(name, justify="right", no_wrap=True)
-    return table
 
 
 def _rates(title: str, rates: Sequence[Rate]) -> Table:

@@ -42,8 +42,6 @@ def prove_weeks(
     goes on when it is called again, with fewer valves or more. A folder belongs to one version of
     the program.
     """
-    from rich.progress import Progress
-
     from stemwatch.models.studies.simulator.hidden import CONCEALMENTS, PHYSICS
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
@@ -63,8 +61,7 @@ def prove_weeks(
     if keep is not None:
         keep.mkdir(parents=True, exist_ok=True)
     slugs = tuple(effect or PHYSICS)
-    with Progress(console=views.err) as progress:
-        bar = progress.add_task("valves", total=nulls + valves * len(slugs))
+    with views.progress("valves", nulls + valves * len(slugs)) as advance:
         followed = follow(
             nulls,
             days,
@@ -72,7 +69,7 @@ def prove_weeks(
             windows,
             seed,
             choose_executor(workers),
-            lambda windows_done: progress.update(bar, completed=windows_done),
+            advance,
             slugs,
             keep,
             concealment,

@@ -6,7 +6,6 @@
 import inspect
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import wraps
 from pathlib import Path
 from types import SimpleNamespace
@@ -155,15 +154,15 @@ def request_of(
 ) -> "Request":
     """The request of a command; window times without offset are in the zone of the options, else
     in that of the plant, else in UTC. ``valve`` names that of ``tags``, or one of the plant."""
+    from stemwatch.connectors.connector import nearest_names
     from stemwatch.service.run.plan import Request
 
     _refuse_what_nobody_asks_for(sources, plant, tags, valve, (from_, to), options)
     loaded = loaded_plant(plant, sources)
     if loaded is not None and valve and valve not in loaded.valves:
-        similar = get_close_matches(valve, loaded.valves, n=3, cutoff=0.0)
         raise typer.BadParameter(
             f"there is no valve {valve!r} among the {len(loaded.valves)} of {plant}; nearest: "
-            f"{', '.join(similar) or 'none'}",
+            f"{nearest_names(valve, list(loaded.valves)) or 'none'}",
             param_hint="--valve",
         )
     zone = options.zone or (loaded.zone if loaded else None) or ""

@@ -42,15 +42,11 @@ def reproduce(
     from stemwatch.models.studies.reproduction.study import StudyTask
     from stemwatch.models.studies.reproduction.study import study as study_case
     from stemwatch.service.cli import views
-    from stemwatch.service.executors import choose_executor, map_items
+    from stemwatch.service.executors import choose_executor, results_in_order
 
     tasks = [StudyTask(case=case, seeds=seeds) for case in CASES]
-    finished: dict[int, CaseResult] = {}
     with views.progress("cases", len(tasks)) as advance:
-        for index, result in map_items(choose_executor(workers), study_case, tasks):
-            finished[index] = result
-            advance(len(finished))
-    results = [finished[index] for index in sorted(finished)]
+        results = results_in_order(choose_executor(workers), study_case, tasks, advance)
     show(results, seeds)
     if json_file is not None:
         views.write_json(json_file, as_json(results, seeds))

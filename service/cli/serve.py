@@ -12,6 +12,7 @@ from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
     from stemwatch.service.config import Plant
+    from stemwatch.service.run.queue_worker import QueueWorker
     from stemwatch.service.store.screenings.records import StoredRun
     from stemwatch.service.store.store import Store
 
@@ -93,7 +94,7 @@ def run_now(
     if unknown := [name for name in valve or () if name not in loaded.valves]:
         raise typer.BadParameter(
             f"there is no valve {unknown[0]!r} in {plant}; nearest: "
-            f"{nearest_names(unknown[0], list(loaded.valves)) or 'it has none'}",
+            f"{nearest_names(unknown[0], list(loaded.valves)) or 'none'}",
             param_hint="VALVE",
         )
     in_part = valves_in_part(loaded, part_of(site, area, unit))
@@ -112,7 +113,7 @@ def run_now(
         working = None
         if not served:
             worker = QueueWorker(store, loaded)
-            working = threading.Thread(target=_work, args=(worker, stop, number))
+            working = threading.Thread(target=_work, args=(worker, stop))
             working.start()
         try:
             if wait or working is not None:
@@ -136,7 +137,7 @@ def _load(plant: Path) -> Plant:
     return loaded
 
 
-def _work(worker, stop: threading.Event, number: int) -> None:  # type: ignore[no-untyped-def]
+def _work(worker: QueueWorker, stop: threading.Event) -> None:
     """Process the queue until it is empty; earlier runs are done first."""
     from stemwatch.service.store.errors import StoreError
 

@@ -20,32 +20,18 @@ def study_twin(
     """
     from collections import Counter
 
-    import numpy as np
-
     from stemwatch.service.cli import views
-    from stemwatch.service.cli.prove_tables import plain_table
-    from stemwatch.service.studies.what_if import FIGURES, run_what_if_study
+    from stemwatch.service.studies.twin import figure_rows, run_twin_study
 
-    judged = list(run_what_if_study(loops, seed))
+    judged = list(run_twin_study(loops, seed))
     twins = [twin for twin in judged if not twin.reason]
-    figures = [figure for twin in twins for figure in twin.figures]
     columns = ("figures", "median error", "interval holds")
     title = f"Twins of {len(twins)} of {len(judged)} sticking loops, seed {seed}"
-    table = plain_table(title, ("change", "figure"), columns)
-    for change in dict.fromkeys(figure.change for figure in figures):
-        for name in FIGURES:
-            chosen = [
-                figure for figure in figures if (figure.change, figure.figure) == (change, name)
-            ]
-            errors = [figure.error for figure in chosen if figure.error is not None]
-            holds = [figure.holds for figure in chosen if figure.holds is not None]
-            table.add_row(
-                change,
-                name,
-                str(len(errors)),
-                f"{100.0 * np.median(errors):.0f} %" if errors else "–",
-                f"{sum(holds)} of {len(holds)}",
-            )
+    table = views.plain_table(title, ("change", "figure"), columns)
+    for row in figure_rows(twins):
+        error = "–" if row.error is None else f"{100.0 * row.error:.0f} %"
+        holds = f"{row.holds} of {row.of}"
+        table.add_row(row.change, row.figure, str(row.figures), error, holds)
     views.out.print(table)
     for reason, count in Counter(twin.reason for twin in judged if twin.reason).most_common(5):
         views.out.print(f"no twin of {count}: {reason}", highlight=False, markup=False)

@@ -16,8 +16,12 @@ if TYPE_CHECKING:
 
     from stemwatch.models.without_position.suspicion import Judge
     from stemwatch.service.executors import Executor
-    from stemwatch.service.studies.several_recordings import InOrderRow, RecordedLoop, TogetherRow
-    from stemwatch.service.studies.without_position import FamilyRow
+    from stemwatch.service.studies.without_position.count import FamilyRow
+    from stemwatch.service.studies.without_position.several_recordings import (
+        InOrderRow,
+        RecordedLoop,
+        TogetherRow,
+    )
 
 
 def study_without_position(
@@ -58,15 +62,12 @@ def study_without_position(
 
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
-    from stemwatch.service.studies.several_recordings import (
+    from stemwatch.service.studies.without_position.count import family_rows, run_study
+    from stemwatch.service.studies.without_position.draw import FAMILIES
+    from stemwatch.service.studies.without_position.several_recordings import (
         in_order_rows,
         run_several_recordings,
         together_rows,
-    )
-    from stemwatch.service.studies.without_position import (
-        FAMILIES,
-        family_rows,
-        run_study,
     )
 
     if save is not None and train is None:
@@ -96,7 +97,7 @@ def _judge(
 ) -> Judge:
     """The networks in use, or those that are trained now."""
     from stemwatch.models.without_position.suspicion import trained_judge
-    from stemwatch.service.studies.without_position import (
+    from stemwatch.service.studies.without_position.training import (
         items_of_training,
         module_of,
         run_training,
@@ -113,7 +114,7 @@ def _judge(
 
 
 def _table_together(loops: Sequence[RecordedLoop], rows: Sequence[TogetherRow]) -> Table:
-    from stemwatch.service.cli.prove_tables import plain_table
+    from stemwatch.service.cli.views import plain_table
 
     sticking = sum(loop.sticky for loop in loops)
     title = f"Own loops suspected by several recordings, {sticking} + {len(loops) - sticking}"
@@ -125,7 +126,7 @@ def _table_together(loops: Sequence[RecordedLoop], rows: Sequence[TogetherRow]) 
 
 
 def _table_in_order(recordings: int, rows: Sequence[InOrderRow]) -> Table:
-    from stemwatch.service.cli.prove_tables import plain_table
+    from stemwatch.service.cli.views import plain_table
 
     title = f"The same loops, suspected where {recordings} recordings come one after the other"
     table = plain_table(title, ("by",), ("after the last", "at some time"))
@@ -138,7 +139,7 @@ def _table_in_order(recordings: int, rows: Sequence[InOrderRow]) -> Table:
 def _tables(seed: int, rows: Sequence[FamilyRow]) -> Iterator[Table]:
     """A row for each family in two tables, each of which fits into eighty columns: what was said,
     and how well."""
-    from stemwatch.service.cli.prove_tables import plain_table
+    from stemwatch.service.cli.views import plain_table
 
     title = f"Valves without a position, seed {seed}: sticking + sound loops"
     said = plain_table(title, ("family",), ("suspected", "no sign", "missed", "cannot tell"))

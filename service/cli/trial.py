@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from stemwatch.service.studies.trial import Marked
 
-CALIBRATED_WITH = 11  # the seed that intervals were calibrated with; the default is another
-
 
 def trial(
     loops: Annotated[
@@ -38,9 +36,10 @@ def trial(
     """
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
+    from stemwatch.service.studies.seeds import INTERVALS_CALIBRATED_WITH
     from stemwatch.service.studies.trial import run_trial
 
-    if seed == CALIBRATED_WITH:
+    if seed == INTERVALS_CALIBRATED_WITH:
         views.say("Seed 11 is the one that intervals were calibrated with: these are not blind.")
     with views.progress("valves", loops + loops // 2) as advance:
         marks = run_trial(loops, seed, choose_executor(workers), advance, narx=narx)
@@ -54,7 +53,8 @@ def _print(marks: Sequence[Marked]) -> None:
     from rich.table import Table
 
     from stemwatch.service.cli import views
-    from stemwatch.service.studies.trial import accuracy, rates, shapes, wilson
+    from stemwatch.service.studies.trial import accuracy, rates, shapes
+    from stemwatch.service.studies.wilson import wilson
 
     table = Table(title="Verdicts", title_justify="left")
     for name in ("loops", "verdict", "count", "share", "95 % interval"):

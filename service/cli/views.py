@@ -12,9 +12,11 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape as _escape_markup
 from rich.progress import Progress
+from rich.table import Table
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,10 +26,7 @@ if TYPE_CHECKING:
     from stemwatch.service.report import ReportContext
     from stemwatch.service.studies.miswiring import WiringAnswer
     from stemwatch.service.studies.robustness import StudyAnswer
-    from stemwatch.service.studies.without_position import StudiedLoop
-
-# Seeds that were looked at while the method was made.
-DEVELOPED_WITH = (5151, 6161, 7171, 8181, 8383, 9393)
+    from stemwatch.service.studies.without_position.count import StudiedLoop
 
 out = Console()
 err = Console(stderr=True)
@@ -61,6 +60,8 @@ def say(text: str) -> None:
 
 def say_if_not_blind(seed: int) -> None:
     """Say so where valves of this seed were looked at while the method was made."""
+    from stemwatch.service.studies.seeds import DEVELOPED_WITH
+
     if seed in DEVELOPED_WITH:
         say(f"Seed {seed} was looked at while the method was made: this is not blind.")
 
@@ -113,6 +114,23 @@ def say_read_on(page: str) -> None:
 def say_result(text: str) -> None:
     """Print a line of the result to standard output."""
     out.print(escape(text), highlight=False)
+
+
+def plain_table(title: str, left_columns: Sequence[str], right: Sequence[str]) -> Table:
+    """A table without frames, so that numbers fit into eighty columns uncut."""
+    table = Table(
+        title=title,
+        title_justify="left",
+        box=SIMPLE_HEAD,
+        padding=0,
+        pad_edge=False,
+        show_edge=False,
+    )
+    for name in left_columns:
+        table.add_column(name, overflow="fold")
+    for name in right:
+        table.add_column(name, justify="right", no_wrap=True)
+    return table
 
 
 def page_context(title: str, plant: Plant | None, zone: str) -> ReportContext:

@@ -76,7 +76,6 @@ class Spool:
         self.limit_bytes, self.segment_bytes, self.sync = limit_bytes, segment_bytes, sync
         self.lost_samples = 0
         self.polled = PolledTimes()
-        self.damaged_bytes = 0
         self._damaged: set[tuple[int, int]] = set()
         self._guard = threading.Lock()
         try:
@@ -157,7 +156,6 @@ class Spool:
         if (number, offset) in self._damaged:
             return
         self._damaged.add((number, offset))
-        self.damaged_bytes += count
         log.error(
             "spool file %s: %d bytes from byte %d on are no record (a crash in the middle of a "
             "write, or damage); what stands around them is used",

@@ -12,6 +12,7 @@ from stemwatch.service.executors.executor import (
     map_in_order,
     map_items,
     outcomes,
+    results_in_order,
 )
 from stemwatch.service.executors.in_process import InProcess
 from stemwatch.service.executors.local_processes import LocalProcesses
@@ -27,4 +28,5 @@ __all__ = [
     "map_in_order",
     "map_items",
     "outcomes",
+    "results_in_order",
 ]

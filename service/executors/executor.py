@@ -165,6 +165,21 @@ def map_items(
                 raise answer.failure.error or RuntimeError(answer.failure.reason)
 
 
+def results_in_order(
+    executor: Executor,
+    work: Callable[[Item], Result],
+    items: Iterable[Item],
+    on_progress: Callable[[int], None],
+) -> list[Result]:
+    """The result of each item, in the order of the items; ``on_progress`` is given how many items
+    are done. Raises what ``work`` raises."""
+    result_at: dict[int, Result] = {}
+    for index, result in map_items(executor, work, items):
+        result_at[index] = result
+        on_progress(len(result_at))
+    return [result_at[index] for index in sorted(result_at)]
+
+
 def map_in_order(
     executor: Executor,
     work: Callable[[Item], Sequence[Result]],

@@ -65,9 +65,9 @@ def repeat(name: str, every_s: float, task: PeriodicTask, stop: threading.Event)
             return
 
 
-def remove_old(store: Store, plant: Plant, now: datetime | None = None) -> int:
+def remove_old(store: Store, plant: Plant) -> int:
     """Remove days of samples older than ``[service] keep_samples_days``; return how many."""
-    oldest = (now or datetime.now(UTC)) - timedelta(days=plant.service.keep_samples_days)
+    oldest = datetime.now(UTC) - timedelta(days=plant.service.keep_samples_days)
     removed = store.samples.remove_before(oldest, whole_days=True)
     if removed:
         log.info("%d samples from before %s were removed", removed, oldest.date())

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 
@@ -35,8 +36,13 @@ from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.clock_shift import behind_controller, late_evidence
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.studies.simulator import PlantLoop, draw_sticky, simulate_loop
-from stemwatch.service.executors import Executor, map_items
-from stemwatch.service.studies.limit_beside_nulls import JointCondition, Limit, Tested
+from stemwatch.service.executors import Executor, results_in_order
+from stemwatch.service.studies.limit_beside_nulls import (
+    JointCondition,
+    Limit,
+    Tested,
+    every_second_piece,
+)
 from stemwatch.service.studies.robustness import WAYS, StudiedValve, draw_valves
 
 LATE = "OP stored 5 s late"
@@ -102,11 +108,14 @@ def evidence_of_valve(valve: StudiedValve | LoopOfAnyKind) -> list[ArchiveEviden
     loop, seed = valve.case.loop, valve.case.seed
     recording = simulate_loop(loop, seed).recording
     stored = [(way, WAYS[way].change(recording)) for way in ("as it is", LATE, *SLOW)]
-    stored += [(PIECE, piece) for piece in _pieces(recording)]
+    stored += [(PIECE, piece) for piece in every_second_piece(recording, PIECE_SAMPLES)]
     if not valve.sticking:
         loud = replace(loop, transmitters=replace(loop.transmitters, pv_noise=NOISE))
         noisy = simulate_loop(loud, seed).recording
-        stored += [(NOISY, noisy), *((NOISY_PIECE, piece) for piece in _pieces(noisy))]
+        stored += [
+            (NOISY, noisy),
+            *((NOISY_PIECE, piece) for piece in every_second_piece(noisy, PIECE_SAMPLES)),
+        ]
     return [_evidence(way, valve.sticking, on_own_clock(kept)) for way, kept in stored]
 
 
@@ -114,12 +123,6 @@ def _not_looked_at(per_turn: float) -> ArchiveEvidence:
     """Of a loop that turns too seldom for its slips to count against a fit."""
     unknown = dict.fromkeys([field.name for field in fields(ArchiveEvidence)[2:]], np.nan)
     return ArchiveEvidence(way=SELDOM, sticking=True, **{**unknown, "samples_per_turn": per_turn})
-
-
-def _pieces(recording: Recording) -> Iterator[Recording]:
-    """Every second piece of ``PIECE_SAMPLES``."""
-    for first in range(0, len(recording) - PIECE_SAMPLES + 1, 2 * PIECE_SAMPLES):
-        yield recording.part(first, first + PIECE_SAMPLES)
 
 
 def _evidence(storage: str, sticking: bool, recording: Recording) -> ArchiveEvidence:
@@ -162,17 +165,13 @@ def run_archive_limits(
     """``valves_each`` sticking and as many healthy valves in all ways, ``LOOPS_EACH`` times as many
     sticking ones of all kinds of loops as they are, and the quick ones of ``QUICK_AMONG`` times as
     many."""
-    evidence_at: dict[int, list[ArchiveEvidence]] = {}
     items: list[StudiedValve | LoopOfAnyKind] = [*draw_valves(valves_each, seed)]
     plain = LOOPS_EACH * valves_each
     loops = draw_sticky(plain + QUICK_AMONG * valves_each, seed)
     items += [
         LoopOfAnyKind(loop, 1000 * seed + index, index >= plain) for index, loop in enumerate(loops)
     ]
-    for index, evidence in map_items(executor, evidence_of_valve, items):
-        evidence_at[index] = evidence
-        on_progress(len(evidence_at))
-    return [evidence for index in sorted(evidence_at) for evidence in evidence_at[index]]
+    return list(chain(*results_in_order(executor, evidence_of_valve, items, on_progress)))
 
 
 def limits(evidence: Sequence[ArchiveEvidence]) -> Iterator[Limit]:

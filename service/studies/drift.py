@@ -8,11 +8,14 @@ with stiction that grows from window to window.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.limits import Limits
 from stemwatch.models.narx.baseline import BaselineScore, score_baseline
 from stemwatch.models.narx.example import NarxExample, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
@@ -25,13 +28,18 @@ from stemwatch.models.studies.simulator import (
 )
 from stemwatch.models.studies.simulator.draw_parts import draw_setpoints
 from stemwatch.service.executors import Executor, map_in_order
+from stemwatch.service.studies.roc import area_estimate
+from stemwatch.service.studies.wilson import wilson
 
 WINDOWS, WINDOW_S = 6, 600.0
+TARGET = 0.95  # area under the curve that the indicator is meant to reach
+FALSE_ALARMS = (0.05, 0.02)  # shares of healthy valves that calibrated limits let raise an alarm
 JUDGED = 3  # the last scored windows, whose median ratio is the valve's score
 BATCH = 12
 
 _TRAINED_SHARE = 0.6  # of the baseline window, as in a screening
 _FEWEST_JUDGED = 2
+_BANDS = ((1.5, 2.5), (2.5, 4.0), (4.0, float("inf")))  # S in the last window, percent of span
 _GROWN_S_PERCENT = (1.5, 8.0)
 # Above this friction, in percent of the spring range, the air supply could not move the stem.
 _MOST_FRICTION_PERCENT = 40.0
@@ -275,3 +283,70 @@ def calibrated_limit(healthy: Sequence[float], share: float) -> float | None:
         return None
     limit = float(np.quantile(healthy, 1.0 - share, method="higher"))
     return float(np.ceil(10.0 * limit - 1e-9) / 10.0)
+
+
+def areas(followed: Sequence[Followed]) -> dict[str, Estimate]:
+    """The area under the curve of growing stiction against each kind of healthy valve.
+
+    The last one leaves out nothing: a valve that could not be scored raises no alarm, so it ranks
+    below all that were.
+    """
+    growing = scores(followed, ValveFate.GROWING)
+    estimates = {fate.value: area_estimate(growing, scores(followed, fate)) for fate in HEALTHY}
+    estimates["both"] = area_estimate(growing, scores(followed, *HEALTHY))
+    ranked = [(valve.way, valve.score or 0.0) for valve in followed]
+    estimates["both, a refusal being no alarm"] = area_estimate(
+        [score for fate, score in ranked if fate is ValveFate.GROWING],
+        [score for fate, score in ranked if fate in HEALTHY],
+    )
+    return estimates
+
+
+def limits(calibration: Sequence[Followed]) -> dict[str, float]:
+    """The limits that alarms are counted with: name, ratio."""
+    healthy = scores(calibration, *HEALTHY)
+    limits = {
+        f"calibrated, {share:.0%}": calibrated_limit(healthy, share) for share in FALSE_ALARMS
+    }
+    named = {name: limit for name, limit in limits.items() if limit is not None}
+    return {**named, "watch limit": Limits().baseline_ratio_watch}
+
+
+def alarms(followed: Sequence[Followed], limit: float) -> list[tuple[str, int, int]]:
+    """Rows of (group of valves, number of alarms, number of scored valves)."""
+    groups = [(fate.value, scores(followed, fate)) for fate in ValveFate]
+    grown = [valve for valve in followed if valve.way is ValveFate.GROWING]
+    for low, high in _BANDS:
+        band = [followed for followed in grown if low <= round(followed.S, 6) < high]
+        upto = f"{low:g} to {high:g} %" if high < 100.0 else f"{low:g} % and more"
+        groups.append((f"growing, to S of {upto}", scores(band, ValveFate.GROWING)))
+    above_limit = [
+        (name, sum(score > limit for score in group), len(group)) for name, group in groups
+    ]
+    everyone = sum((followed.score or 0.0) > limit for followed in grown)
+    return [*above_limit, ("growing, with those refused", everyone, len(grown))]
+
+
+def as_json(followed: Sequence[Followed], calibration: Sequence[Followed]) -> dict[str, Any]:
+    """The complete result as JSON."""
+    return {
+        "target_auc": TARGET,
+        "auc": {name: asdict(area) for name, area in areas(followed).items()},
+        "limits": {
+            name: {
+                "ratio": limit,
+                "alarms": [
+                    {
+                        "of": group,
+                        "alarms": count,
+                        "scored": total,
+                        "interval": wilson(count, total),
+                    }
+                    for group, count, total in alarms(followed, limit)
+                ],
+            }
+            for name, limit in limits(calibration).items()
+        },
+        "followed": [asdict(valve) | {"score": valve.score} for valve in followed],
+        "calibration": [asdict(followed) | {"score": followed.score} for followed in calibration],
+    }

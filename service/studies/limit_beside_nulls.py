@@ -14,8 +14,16 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from stemwatch.models.recording import Recording
+
 MAY_PASS = 0.05  # of nulls that may lie beyond all limits that belong together
 Evidence = TypeVar("Evidence")
+
+
+def every_second_piece(recording: Recording, samples: int) -> Iterator[Recording]:
+    """Pieces of so many ``samples``, with as many left out between them."""
+    for first in range(0, len(recording) - samples + 1, 2 * samples):
+        yield recording.part(first, first + samples)
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from stemwatch.models.studies.simulator.loop import PlantLoop
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.executors import Executor, map_in_order
 from stemwatch.service.studies.partial_results import append_line, stored_lines
-from stemwatch.service.studies.trial import wilson
+from stemwatch.service.studies.wilson import wilson
 
 Change = Callable[[Recording], Recording]
 
@@ -318,21 +318,15 @@ def _op_per_travel(recording: Recording, stored: Recording) -> float:
 
 
 def _answer(storage: str, valve: StudiedValve, screening: Screening, scale: float) -> StudyAnswer:
-    numbers = [
-        None
-        if estimate.value is None or estimate.low is None or estimate.high is None
-        else (estimate.value, estimate.low, estimate.high)
-        for estimate in (screening.S, screening.J)
-    ]
     effects = screening.mismatch.effects if screening.mismatch is not None else ()
     return StudyAnswer(
         way=storage,
         sticking=valve.sticking,
         verdict=screening.verdict,
         reason=screening.reason,
-        S=numbers[0],
-        J=numbers[1],
-        S_at_least=screening.S.low if screening.S.value is None else None,
+        S=screening.S.with_interval,
+        J=screening.J.with_interval,
+        S_at_least=screening.S.at_least,
         true_S=scale * valve.S,
         true_J=scale * valve.J,
         named=tuple(effect.slug for effect in effects if effect.slug not in WAYS[storage].true),

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from stemwatch.models.recording import Floats, Role
-from stemwatch.service.executors import Executor, map_items
+from stemwatch.service.executors import Executor, map_in_order, map_items
 
 if TYPE_CHECKING:
     from stemwatch.models.studies.simulator import PlantLoop
@@ -94,36 +94,30 @@ def write_archive(
     plan: ArchivePlan,
     folder: Path,
     executor: Executor,
-    on_progress: Callable[[int, int], None] = lambda *_: None,
+    on_progress: Callable[[int], None] = lambda _: None,
 ) -> Path:
     """Write the archive, ``plant.toml`` and ``truth.json`` into ``folder``; returns the plant file.
 
     Parquet: ``parquet/date=YYYY-MM-DD/part-NNNNN.parquet`` with a row for each instant of a valve
     (time in UTC, valve, op, mv, pv, sp), one row group for each valve and day. CSV:
-    ``csv/valves-NNNNN.csv``, a column for each tag. ``on_progress`` gets valves done and of how
-    many.
+    ``csv/valves-NNNNN.csv``, a column for each tag. ``on_progress`` hears how many
+    valves are done.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    truths: dict[int, list[dict[str, object]]] = {}
-    loops_done = 0
     with tempfile.TemporaryDirectory(dir=folder, prefix="loops-") as loops:
         pieces = _pieces(plan, folder, Path(loops))
         if plan.loops < plan.valves:
             simulated = [replace(pieces[0], places=(number,)) for number in range(plan.loops)]
             for _ in map_items(executor, store_loop, simulated):
                 pass
-        for index, truth in map_items(executor, write_piece, pieces):
-            truths[index] = truth
-            loops_done += len(truth)
-            on_progress(loops_done, plan.valves)
+        truths = map_in_order(executor, write_piece, pieces, on_progress)
     plant = folder / "plant.toml"
     plant.write_text("\n".join(_plant_toml(plan)) + "\n", encoding="utf-8", newline="\n")
-    ordered = [truth for index in sorted(truths) for truth in truths[index]]
     truth_of_plant = {
         "start": plan.start.isoformat(),
         "interval_s": plan.interval_s,
-        "valves": ordered,
+        "valves": truths,
     }
     (folder / "truth.json").write_text(json.dumps(truth_of_plant) + "\n", encoding="utf-8")
     return plant

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stemwatch.models.estimate import NORMAL_95
 from stemwatch.models.narx.example import NarxSettings
 from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.models.screening_result import Screening
@@ -56,15 +55,14 @@ def mark_batch(batch: TrialBatch) -> list[Marked]:
 
 
 def _mark(truth: Truth, screening: Screening) -> Marked:
-    numbers = [
-        None
-        if estimate.value is None or estimate.low is None or estimate.high is None
-        else (estimate.value, estimate.low, estimate.high)
-        for estimate in (screening.S, screening.J)
-    ]
-    shape = screening.shape.value if screening.shape else None
     return Marked(
-        truth, screening.verdict, screening.reason, shape, numbers[0], numbers[1], screening.seconds
+        truth=truth,
+        verdict=screening.verdict,
+        reason=screening.reason,
+        shape=screening.shape.value if screening.shape else None,
+        S=screening.S.with_interval,
+        J=screening.J.with_interval,
+        seconds=screening.seconds,
     )
 
 
@@ -84,21 +82,6 @@ def run_trial(
         for first in range(0, len(seeded), BATCH)
     ]
     return map_in_order(executor, mark_batch, batches, on_progress)
-
-
-def wilson(hits: int, total: int) -> tuple[float, float]:
-    """95 % interval of the share ``hits`` of ``total``: Wilson (1927).
-
-    doi:10.1080/01621459.1927.10502953. Nothing counted is 0 to 1.
-    """
-    if total == 0:
-        return 0.0, 1.0
-    z, share = NORMAL_95, hits / total
-    middle = share + z * z / (2 * total)
-    half = z * float(np.sqrt(share * (1 - share) / total + z * z / (4 * total * total)))
-    return max((middle - half) / (1 + z * z / total), 0.0), min(
-        (middle + half) / (1 + z * z / total), 1.0
-    )
 
 
 def rates(marks: Sequence[Marked]) -> Iterator[tuple[str, str, int, int]]:

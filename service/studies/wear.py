@@ -166,3 +166,65 @@ def estimated_S(S: Floats, rng: np.random.Generator) -> tuple[Floats, Bools]:
         missing = int(rng.integers(S.size))
         is_measured[missing : missing + 21] = False
     return np.maximum(measured, 0.0), is_measured
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForecastRow:
+    """Forecasts of one kind of wear: a trend is ``claimed``, weeks are ``foreseen``, with an
+    interval that ``holds`` the truth or is ``half_open``; median error in weeks."""
+
+    wear: str
+    valves: int
+    claimed: int
+    foreseen: int
+    holds: int
+    half_open: int
+    error_weeks: float | None
+
+
+def forecast_rows(cases: Sequence[ForecastCase]) -> Iterator[ForecastRow]:
+    """A row for each kind of wear, and one for all that wear."""
+    kinds: list[tuple[str, tuple[WearKind, ...]]] = [(wear.value, (wear,)) for wear in WearKind]
+    for name, wears in [*kinds, ("all that wear", tuple(WearKind)[1:])]:
+        chosen = [case for case in cases if case.wear in wears]
+        foreseen = [case for case in chosen if case.holds is not None]
+        errors = [
+            abs(case.forecast.until.value - case.weeks)
+            for case in foreseen
+            if case.forecast.until.value is not None and np.isfinite(case.weeks)
+        ]
+        yield ForecastRow(
+            wear=name,
+            valves=len(chosen),
+            claimed=sum(case.claimed for case in chosen),
+            foreseen=len(foreseen),
+            holds=sum(bool(case.holds) for case in foreseen),
+            half_open=sum(case.forecast.until.high is None for case in foreseen),
+            error_weeks=float(np.median(errors)) if errors else None,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class AlertedRow:
+    """Valves of one kind of wear that reach the limit, those with an alert before, and how many
+    weeks before (median)."""
+
+    wear: str
+    valves: int
+    crosses: int
+    alerted: int
+    weeks_ahead: float | None
+
+
+def alert_rows(watched: Sequence[AlertedValve]) -> Iterator[AlertedRow]:
+    """A row for each kind of wear."""
+    for wear in WearKind:
+        of_kind = [valve for valve in watched if valve.wear is wear]
+        ahead = [valve.weeks_ahead for valve in of_kind if valve.weeks_ahead is not None]
+        yield AlertedRow(
+            wear=wear.value,
+            valves=len(of_kind),
+            crosses=sum(valve.crosses is not None for valve in of_kind),
+            alerted=sum(valve.alerted is not None for valve in of_kind),
+            weeks_ahead=float(np.median(ahead)) if ahead else None,
+        )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -31,8 +32,13 @@ from stemwatch.models.stickslip.clock_shift import brought_forward, late_evidenc
 from stemwatch.models.stickslip.stored_range import fitting_ranges, in_percent
 from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.models.studies.simulator.hidden import draw_hidden
-from stemwatch.service.executors import Executor, map_items
-from stemwatch.service.studies.limit_beside_nulls import JointCondition, Limit, Tested
+from stemwatch.service.executors import Executor, results_in_order
+from stemwatch.service.studies.limit_beside_nulls import (
+    JointCondition,
+    Limit,
+    Tested,
+    every_second_piece,
+)
 from stemwatch.service.studies.miswiring import (
     AS_IT_IS,
     KINDS,
@@ -176,18 +182,13 @@ def shown_by_valve(valve: MiswiredValve | Recording) -> list[WiringShown]:
     recording = recorded.recording
     rightly = [(AS_IT_IS, recording)]
     rightly += [(way, WAYS[way].change(recording)) for way in (*STORED, *CURVES)]
-    rightly += [(PIECE, piece) for piece in _pieces(recording)]
+    rightly += [(PIECE, piece) for piece in every_second_piece(recording, PIECE_SAMPLES)]
     mixed_up = [(kind, KINDS[kind](recorded)) for kind in MIXED_UP]
     mixed_up.append((SPEED, _speed_for_op(recording)))
     return [
         *(shown(way, True, stored) for way, stored in rightly),
         *(shown(way, False, wired) for way, wired in mixed_up),
     ]
-
-
-def _pieces(recording: Recording) -> Iterator[Recording]:
-    for first in range(0, len(recording) - PIECE_SAMPLES + 1, 2 * PIECE_SAMPLES):
-        yield recording.part(first, first + PIECE_SAMPLES)
 
 
 def _speed_for_op(recording: Recording) -> Recording:
@@ -207,11 +208,7 @@ def run_wiring_limits(
     """``valves`` of `miswiring` in all ways, and as many with hidden effects as they are."""
     items: list[MiswiredValve | Recording] = [*draw_miswired(valves, seed)]
     items += [simulate_loop(case.loop, case.seed).recording for case in draw_hidden(valves, seed)]
-    shown_at: dict[int, list[WiringShown]] = {}
-    for index, seen in map_items(executor, shown_by_valve, items):
-        shown_at[index] = seen
-        on_progress(len(shown_at))
-    return [valve for index in sorted(shown_at) for valve in shown_at[index]]
+    return list(chain(*results_in_order(executor, shown_by_valve, items, on_progress)))
 
 
 def _checks_of_signals() -> Sequence[tuple[str, tuple[str, ...], list[JointCondition]]]:

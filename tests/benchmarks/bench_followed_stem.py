@@ -31,7 +31,7 @@ from stemwatch.models.without_position.suspicion import (
     usable_signals,
 )
 from stemwatch.service.studies.roc import area_under_roc, sensitivity
-from stemwatch.service.studies.without_position import FAMILIES, LoopToDraw
+from stemwatch.service.studies.without_position.draw import FAMILIES, LoopToDraw
 from tests.benchmarks.followed_stem import NAMES, followed_stem
 
 ENSEMBLE, HIDDEN, BATCH, PASSES = 8, 16, 128, 40

@@ -10,10 +10,9 @@ from scipy.stats import multivariate_normal
 from stemwatch.models.studies.loops.draws import (
     WARM_UP,
     LoopScans,
-    coloured,
     draw_with_scans,
-    many_scales,
 )
+from stemwatch.models.studies.loops.random_signals import coloured, many_scales
 from tests.benchmarks import stem_filter
 from tests.benchmarks.stem_filter import (
     NO_WAVE,

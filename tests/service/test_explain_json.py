@@ -16,7 +16,7 @@ from rich.console import Console
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import HeldOutFit, Mismatch
-from stemwatch.service.cli.explanation import explanation
+from stemwatch.service.cli.explanation_views import explanation
 from stemwatch.service.explain.explain_json import to_json, to_object
 from stemwatch.service.explain.explain_recording import Explained
 from stemwatch.service.report.mismatch_view import how_both_ran

@@ -19,7 +19,7 @@ from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.models.studies.simulator.loop import PlantLoop, Transmitters
 from stemwatch.models.studies.simulator.simulate import simulate_loop
 from stemwatch.models.studies.simulator.valve import Actuator, SimulatedValve
-from stemwatch.service.cli.explanation import explanation
+from stemwatch.service.cli.explanation_views import explanation
 from stemwatch.service.explain.explain_json import to_json
 from stemwatch.service.explain.explain_recording import Explained, explain_recording
 from stemwatch.service.explain.write_explanation import write_pages

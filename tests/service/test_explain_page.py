@@ -15,7 +15,7 @@ from rich.console import Console
 
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.recording import Recording, Role, Signal
-from stemwatch.service.cli.explanation import explanation
+from stemwatch.service.cli.explanation_views import explanation
 from stemwatch.service.explain.explain_recording import Explained
 from stemwatch.service.explain.write_explanation import MOST_PLOTTED, entries, write_pages
 from stemwatch.service.report import ReportContext

@@ -16,7 +16,7 @@ from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls
 from stemwatch.models.studies.simulator.loop import PlantLoop
 from stemwatch.models.studies.simulator.simulate import simulate_loop
 from stemwatch.models.studies.simulator.valve import SimulatedValve
-from stemwatch.service.cli.explanation import explanation
+from stemwatch.service.cli.explanation_views import explanation
 from stemwatch.service.explain.explain_json import to_object
 from stemwatch.service.explain.explain_recording import Explained, explain_recording
 from stemwatch.service.presenter.wording import span_percent

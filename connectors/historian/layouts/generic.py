@@ -45,10 +45,10 @@ class Generic:
         return parse_table(source)
 
 
-def parse_table(source: LayoutInput, layout: str = "", first: int = 0) -> RawTable:
-    """The table from line ``first + 1`` on. ``layout`` names a known product in the provenance."""
-    separator = source.separator(first)
-    rows = source.rows(separator, first)
+def parse_table(source: LayoutInput, layout: str = "") -> RawTable:
+    """The table of a file. ``layout`` names a known product in the provenance."""
+    separator = source.separator()
+    rows = source.rows(separator)
     structure = find_structure(rows, source.options, source.name)
     header = column_names(structure).tags
     column_roles = narrow_columns(source, rows, structure, header)

@@ -46,12 +46,12 @@ class LayoutInput:
         """The first lines, for signatures; of a line longer than any header's start, its start."""
         return [line[:_LINE] for line in self.document.lines[:_HEAD]]
 
-    def separator(self, skip: int = 0) -> str:
+    def separator(self) -> str:
         """The user's separator, or the one that divides the lines evenly; a comma where none
         does (a file of one column)."""
         if self.options.separator is not None:
             return self.options.separator
-        lines = self.document.lines[skip:]
+        lines = self.document.lines
         step = max(1, len(lines) // _SAMPLE)
         separator = sniff_separator(lines[:_HEAD] + lines[_HEAD::step])
         if separator is not None:

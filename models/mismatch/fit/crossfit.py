@@ -215,15 +215,10 @@ def crossfit(
     layout: CoordinateLayout,
     starts: Floats,
     effort: FitEffort,
-    simple: tuple[float, float] = (np.inf, np.inf),
 ) -> Search[Fitted]:
-    """Fit ``layout``'s hypothesis to each fold; ``starts`` (m, size) must not depend on them.
-
-    ``simple`` are the losses of a poorer hypothesis on both folds: what does not come near them
-    is not searched further.
-    """
+    """Fit ``layout``'s hypothesis to each fold; ``starts`` (m, size) must not depend on them."""
     begun = yield from ranked(evaluator, layout, starts, effort.keep)
-    fitted = yield from from_best(evaluator, layout, begun, effort, simple)
+    fitted = yield from from_best(evaluator, layout, begun, effort)
     return fitted
 
 
@@ -234,7 +229,11 @@ def from_best(
     effort: FitEffort,
     simple: tuple[float, float] = (np.inf, np.inf),
 ) -> Search[Fitted]:
-    """``crossfit`` from the best starts of each fold, of which ``effort`` says how many."""
+    """``crossfit`` from the best starts of each fold, of which ``effort`` says how many.
+
+    ``simple`` are the losses of a poorer hypothesis on both folds: what does not come near them
+    is not searched further.
+    """
     firsts = yield from run_together(
         _first_rounds(evaluator, layout, fold, best[: effort.keep], effort, least)
         for fold, best, least in zip(folds(evaluator), begun, simple, strict=True)

@@ -36,7 +36,10 @@ SLOW_AS_BUILT = (
 
 
 class _Defect:
-    """Most terms: an effect of a material size is something to mend."""
+    """Most terms: an effect of a material size is something to mend, and may make the position
+    swing."""
+
+    may_swing = True
 
     def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """Never how a machine is made."""

@@ -55,6 +55,7 @@ class BowedLinkage(StemTerm):
 
     slug = "bowed_linkage"
     order = 14
+    may_swing = False
     words = Words(
         of_record=True,
         plain="the position reading is bent over the stroke: right at its ends, off between them",

@@ -39,6 +39,7 @@ class SensorDrift(StemTerm):
 
     slug = "sensor_drift"
     order = 70
+    may_swing = False
     words = Words(
         of_record=True,
         no_work=CALIBRATE_LATER,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stemwatch.models.oscillation_groups.find_groups import FoundGroup, find_groups
-from stemwatch.models.oscillation_groups.limits import LIMITS, WEIGHTS, GroupLimits
+from stemwatch.models.oscillation_groups.limits import LIMITS, WEIGHTS
 from stemwatch.models.oscillation_groups.loop_spectra import loop_spectra
 from stemwatch.models.oscillation_groups.plant_groups import log_odds
 from stemwatch.models.oscillation_groups.sources import (
@@ -109,12 +109,12 @@ def _recording(plant: RunPlant, loop: int) -> Recording:
     return Recording(valve=str(loop), signals=signals, interval_s=plant.interval_s)
 
 
-def score_plant(plant: RunPlant, limits: GroupLimits = LIMITS) -> ScoredPlant:
+def score_plant(plant: RunPlant) -> ScoredPlant:
     """Find the groups of a plant, rank their sources, and compare with the truth."""
     errors = loop_spectra(plant.sp - plant.pv, plant.interval_s)
     outputs = loop_spectra(plant.op, plant.interval_s)
     suspicion = PlantSuspicions(plant)
-    groups = find_groups(errors, loop_spectra(plant.pv, plant.interval_s), limits, suspicion)
+    groups = find_groups(errors, loop_spectra(plant.pv, plant.interval_s), LIMITS, suspicion)
     scored = [
         _scored(plant, member_evidence(errors, outputs, group, suspicion, feeds=plant.feeds))
         for group in groups

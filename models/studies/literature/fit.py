@@ -115,9 +115,7 @@ def _warm_up(problem: FitProblem) -> int:
     return int(np.argmax(problem.scored[first:]))
 
 
-def fit_model(
-    model: ValveModel, recording: Recording, train_until: int, effort: SearchEffort | None = None
-) -> ModelFit:
+def fit_model(model: ValveModel, recording: Recording, train_until: int) -> ModelFit:
     """Fit ``model`` to the samples before ``train_until``; the rest is held out.
 
     The mean square error of the free run is minimised over the model's parameters and the zero of
@@ -138,7 +136,7 @@ def fit_model(
     if isinstance(problem, str):
         unknown = {p.name: Estimate.unknown(problem, unit=p.unit) for p in model.parameters}
         return ModelFit(model=model.name, parameters=unknown, outcome=problem)
-    return _fitted(model, problem, train_until, effort or (SLOW if model.slow else QUICK), started)
+    return _fitted(model, problem, train_until, SLOW if model.slow else QUICK, started)
 
 
 def _problem(recording: Recording, train_until: int) -> FitProblem | str:

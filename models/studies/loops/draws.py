@@ -1,14 +1,23 @@
-"""Random loops without a position: processes, tuning, disturbances, sensors."""
+"""Random loops without a position: process, tuning, disturbances, sensor, and their record."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter, sawtooth
 
 from stemwatch.models.recording import Floats
+from stemwatch.models.studies.loops.archive import archived
 from stemwatch.models.studies.loops.kernel import LoopNumbers, run_scans
+from stemwatch.models.studies.loops.random_signals import (
+    coloured,
+    many_scales,
+    now_and_then,
+    slewed,
+    stepped,
+    times_of_many_scales,
+    wave,
+)
 
 # Disturbances of a loop, and how often each is drawn. Every one occurs with a sticking and with a
 # sound stem, so that the disturbance itself is no evidence.
@@ -266,7 +275,7 @@ def _set_points(
         height = float(rng.uniform(2.0, 10.0)) * numbers.process_gain
         height *= 0.4 if numbers.integrating else 1.0
         moves = height * stepped(time, rng.uniform(2.0, 12.0) * period, rng)
-        sp += _slewed(moves, float(rng.uniform(0.02, 0.3))) if rng.random() < 0.3 else moves
+        sp += slewed(moves, float(rng.uniform(0.02, 0.3))) if rng.random() < 0.3 else moves
     if "cascade" in stories:
         led = float(rng.uniform(0.5, 5.0)) * numbers.process_gain
         if rng.random() < 0.5:
@@ -314,7 +323,7 @@ def _wandering_load(
     size = float(np.exp(rng.uniform(np.log(0.03), np.log(0.6))))
     if rng.random() < _MANY_SCALES:
         load = 2.0 * size * many_scales(scans, rng)
-        times = _times_of_many_scales(scans)
+        times = times_of_many_scales(scans)
         wandering = [
             Wandering(size=2.0 * size / np.sqrt(times.size), time=float(time)) for time in times
         ]
@@ -367,116 +376,3 @@ def _neighbour(scans: int, period: float, rng: np.random.Generator) -> Floats:
     read, _ = run_scans(numbers, start, load, zeros, zeros, rng.standard_normal(2048))
     deviation = read[1] - np.mean(read[1])
     return np.asarray(deviation / max(float(np.std(deviation)), 1e-6))
-
-
-def _slewed(values: Floats, most_step: float) -> Floats:
-    """The values behind a rate limit of ``most_step`` a scan."""
-    followed = values.copy()
-    for k in range(1, values.size):
-        followed[k] = followed[k - 1] + np.clip(values[k] - followed[k - 1], -most_step, most_step)
-    return followed
-
-
-def coloured(count: int, time: float, rng: np.random.Generator) -> Floats:
-    """(count,) noise of unit variance with this correlation time, in scans."""
-    pole = float(np.exp(-1.0 / max(time, 0.05)))
-    innovations = rng.standard_normal(count) * np.sqrt(1.0 - pole * pole)
-    return np.asarray(lfilter([1.0], [1.0, -pole], innovations))
-
-
-def many_scales(count: int, rng: np.random.Generator) -> Floats:
-    """(count,) noise of about unit variance whose spectrum falls as one over the frequency."""
-    times = _times_of_many_scales(count)
-    return np.asarray(sum(coloured(count, time, rng) for time in times) / np.sqrt(times.size))
-
-
-def _times_of_many_scales(count: int) -> Floats:
-    return np.geomspace(1.0, max(count / 4.0, 8.0), 6)
-
-
-def stepped(time: Floats, mean_gap: float, rng: np.random.Generator) -> Floats:
-    """(n,) steps between -1 and 1, on average ``mean_gap`` scans from each other."""
-    times = np.cumsum(mean_gap * (0.3 + 0.7 * rng.exponential(1.0, 4000)))
-    times = times[times < time.size]
-    heights = np.concatenate([[0.0], rng.uniform(-1.0, 1.0, times.size)])
-    return np.asarray(heights[np.searchsorted(times, time, side="right")])
-
-
-def now_and_then(count: int, mean_gap: float, rng: np.random.Generator) -> Floats:
-    """(count,) ones, or in one record of four stretches of ones and noughts."""
-    if rng.random() > 0.25:
-        return np.ones(count)
-    return np.asarray(coloured(count, mean_gap, rng) > rng.uniform(-0.7, 0.3), dtype=np.float64)
-
-
-def wave(time: Floats, period: float, rng: np.random.Generator) -> Floats:
-    """A sine, a triangle, a saw, or a wave between sine and square, whose phase wanders; now and
-    then it comes and goes. Its period is drawn around ``period``."""
-    own_period = period * float(np.exp(rng.uniform(np.log(0.7), np.log(6.0))))
-    walk = np.cumsum(rng.standard_normal(time.size)) * np.sqrt(1.0 / own_period)
-    phase = 2.0 * np.pi * (time / own_period + rng.uniform()) + rng.uniform(0.02, 0.5) * walk
-    kind = rng.choice(["sine", "sine", "square", "triangle", "saw"])
-    if kind == "sine":
-        shape = np.sin(phase)
-    elif kind == "square":
-        shape = np.tanh(rng.uniform(1.5, 12.0) * np.sin(phase))
-    else:
-        shape = sawtooth(phase, 0.5 if kind == "triangle" else rng.uniform(0.55, 0.95))
-    if rng.random() < 0.3:  # its amplitude wanders
-        shape = shape * np.exp(0.4 * coloured(time.size, 5.0 * own_period, rng))
-    return np.asarray(shape * now_and_then(time.size, 10.0 * own_period, rng))
-
-
-_COMPRESSED = 0.12  # of signals
-_HELD = 0.1  # of records: every second or third row repeats the one before
-_AVERAGED = 0.25
-_LATE = 0.15  # of records: PV was stored one row after the OP of the same time
-_SPIKED = 0.03
-
-
-def archived(
-    signals: tuple[Floats, Floats, Floats], first: int, stride: int, rng: np.random.Generator
-) -> tuple[Floats, Floats, Floats]:
-    """OP, PV and SP, (n,) each, as stored once in ``stride`` scans from scan ``first`` on."""
-    averaged = stride > 1 and rng.random() < _AVERAGED
-    count = (signals[0].size - first) // stride
-    op, pv, sp = (_thinned(signal[first:], stride, count, averaged) for signal in signals)
-    if rng.random() < _SPIKED:
-        bad_samples = rng.integers(0, pv.size, 1 + pv.size // 400)
-        pv[bad_samples] += rng.standard_normal(bad_samples.size) * 3.0 * np.std(pv)
-    op, pv = _compressed(op, rng), _compressed(pv, rng)
-    if rng.random() < _HELD:
-        is_held = rng.random(count) < rng.uniform(0.1, 0.6)
-        is_held[0] = False
-        last = np.maximum.accumulate(np.where(is_held, 0, np.arange(count)))
-        op, pv, sp = op[last], pv[last], sp[last]
-    if rng.random() < _LATE:
-        late = 1 if rng.random() < 0.5 else -1
-        pv = np.roll(pv, late)
-        op, pv, sp = op[1:-1], pv[1:-1], sp[1:-1]
-    return op, pv, sp
-
-
-def _thinned(values: Floats, stride: int, count: int, averaged: bool) -> Floats:
-    values = values[: count * stride].reshape(count, stride)
-    return np.asarray(values.mean(axis=1) if averaged else values[:, 0].copy())
-
-
-def _compressed(values: Floats, rng: np.random.Generator) -> Floats:
-    """Exception reporting: a value is kept where it differs from the last kept one by more than a
-    deviation; between, values are held or, as from an interpolating historian, on a straight line.
-    """
-    if rng.random() > _COMPRESSED:
-        return values
-    deviation = float(rng.uniform(0.02, 0.25)) * float(np.std(values))
-    stored = [0]
-    for k, value in enumerate(values):
-        if abs(value - values[stored[-1]]) > deviation:
-            if k - 1 > stored[-1]:
-                stored.append(k - 1)  # so that a straight line does not smear a jump
-            stored.append(k)
-    places = np.arange(values.size)
-    if rng.random() < 0.5:
-        return np.asarray(np.interp(places, stored, values[stored]))
-    last = np.searchsorted(stored, places, side="right") - 1
-    return np.asarray(values[stored][last])

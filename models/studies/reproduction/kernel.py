@@ -1,9 +1,9 @@
 """Free runs of a layered network in numba, and their derivatives by its weights.
 
 A network is given by ``sizes`` (inputs, units of each layer), ``codes`` (each layer's transfer, see
-``layers``), ``inputs`` (places in ``step.LAGS``) and ``scale`` = (reach, centre, share): inputs are
-divided by reach, the answer is ``reach (s - centre) / share``. Weights (P,) are each layer's rows
-``[W, b]``, one after the other.
+``layers``), ``inputs`` (places in ``network_step.LAGS``) and ``scale`` = (reach, centre, share):
+inputs are divided by reach, the answer is ``reach (s - centre) / share``. Weights (P,) are each
+layer's rows ``[W, b]``, one after the other.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def jacobian(
 
 @compiled()
 def _look_back(u: Floats, y: Floats, t: int, run: int, lags: Floats) -> None:
-    """``lags`` (5,) in the order of ``step.LAGS``."""
+    """``lags`` (5,) in the order of ``network_step.LAGS``."""
     lags[0], lags[1], lags[2] = u[t, run], u[t - 1, run], u[t - 2, run]
     lags[3], lags[4] = y[t - 1, run], y[t - 2, run]
 

@@ -189,9 +189,9 @@ class SampleStore:
             rows = session.execute(statement.group_by(SampleReasonRow.words))
             return {words: number for words, number in rows}
 
-    def prepare_days(self, now: datetime | None = None, days: frozenset[int] = frozenset()) -> int:
+    def prepare_days(self, days: frozenset[int] = frozenset()) -> int:
         """Create PostgreSQL's partitions of the coming days and of ``days``; return how many."""
-        days_wanted = partitions.wanted_days(days, now or datetime.now(UTC))
+        days_wanted = partitions.wanted_days(days, datetime.now(UTC))
         with self._transactions.writing("making partitions of samples") as session:
             if partitions.layout_of(session.connection()) is not SampleLayout.PARTITIONS:
                 return 0

@@ -57,10 +57,10 @@ class PublicCase:
 
 
 class Method(Protocol):
-    """Answers to ``cases`` by name, ``tell`` hearing how many are done."""
+    """Answers to ``cases`` by name, ``on_progress`` hearing how many are done."""
 
     def __call__(
-        self, cases: Sequence[PublicCase], executor: Executor, tell: OnProgress
+        self, cases: Sequence[PublicCase], executor: Executor, on_progress: OnProgress
     ) -> Mapping[str, CaseAnswer]: ...
 
 
@@ -95,10 +95,10 @@ def recording_of(case: PublicCase) -> Recording:
 
 
 def stemwatch(
-    cases: Sequence[PublicCase], executor: Executor, tell: OnProgress
+    cases: Sequence[PublicCase], executor: Executor, on_progress: OnProgress
 ) -> Mapping[str, CaseAnswer]:
     """What `stemwatch screen` says, with its default limits and without the network."""
-    return dict(map_in_order(executor, _screened, cases, tell))
+    return dict(map_in_order(executor, _screened, cases, on_progress))
 
 
 def _screened(case: PublicCase) -> list[tuple[str, CaseAnswer]]:
@@ -157,9 +157,9 @@ class _Formula:
     name: str
 
     def __call__(
-        self, cases: Sequence[PublicCase], executor: Executor, tell: OnProgress
+        self, cases: Sequence[PublicCase], executor: Executor, on_progress: OnProgress
     ) -> Mapping[str, CaseAnswer]:
-        return dict(map_in_order(executor, self._answer, cases, tell))
+        return dict(map_in_order(executor, self._answer, cases, on_progress))
 
     def _answer(self, case: PublicCase) -> list[tuple[str, CaseAnswer]]:
         from stemwatch.models.studies.published_methods import PUBLISHED
@@ -187,7 +187,7 @@ class Haw:
     python: str
 
     def __call__(
-        self, cases: Sequence[PublicCase], executor: Executor, tell: OnProgress
+        self, cases: Sequence[PublicCase], executor: Executor, on_progress: OnProgress
     ) -> Mapping[str, CaseAnswer]:
         answers = {}
         for done, case in enumerate(cases, start=1):
@@ -204,7 +204,7 @@ class Haw:
                     "install it in an environment of its own"
                 )
             answers[case.case] = _of_cycles(json.loads(process.stdout)[case.case])
-            tell(done)
+            on_progress(done)
         return answers
 
 

@@ -77,13 +77,6 @@ def benchmark_score(
     )
 
 
-def parts_of(
-    truths: Sequence[ValveTruth], answers: Mapping[str, CaseAnswer]
-) -> tuple[PartScore, ...]:
-    """The scores of ``answers`` part by part, in the order of ``PARTS``."""
-    return _parts(_marks_of(truths, answers))
-
-
 def _marks_of(
     truths: Sequence[ValveTruth], answers: Mapping[str, CaseAnswer]
 ) -> tuple[_Marks, ...]:

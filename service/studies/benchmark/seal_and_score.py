@@ -30,7 +30,7 @@ def write_benchmark(
     seed: int,
     cases: int,
     executor: Executor,
-    tell: Callable[[int], None],
+    on_progress: Callable[[int], None],
 ) -> str:
     """Write recordings and page into ``folder``, the truth into ``truth_file``; the digest.
 
@@ -46,7 +46,7 @@ def write_benchmark(
             f"{truth_file} would lie in the folder that is given away; name a file outside {folder}"
         )
     folder.mkdir(parents=True, exist_ok=True)
-    truths = write_cases(cases, seed, folder, executor, tell)
+    truths = write_cases(cases, seed, folder, executor, on_progress)
     recordings = recordings_digest(recordings_of(folder))
     text = BenchmarkTruth(seed=seed, recordings=recordings, cases=truths).sealed()
     digest = digest_of(text)

@@ -16,11 +16,13 @@ from pathlib import Path
 from typing import Any
 
 from stemwatch.models.record_checks.validity_checks import FROZEN_FOR, ONLY_NOISE, UNCHANGED
-from stemwatch.service.executors import Executor, map_items
+from stemwatch.service.executors import Executor, map_in_order
 
 NOTHING = "nothing named"
 # By which a refusal is known, since the JSON of ``stemwatch explain`` has the sentence alone.
 FROZEN_WORDS = (UNCHANGED, ONLY_NOISE, FROZEN_FOR)
+CHUNK = 12  # files of one process, so that its start-up time matters little
+_LONGEST_MESSAGE = 2000  # characters of a failing process's messages
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,10 +133,6 @@ def _numbers(stored: Mapping[str, Any] | None) -> StictionNumbers:
     return StictionNumbers(S=values["S"], J=values["J"])
 
 
-CHUNK = 12  # files of one process, so that its start-up time matters little
-_LONGEST_MESSAGE = 2000  # characters of a failing process's messages
-
-
 class JudgeFailed(ValueError):
     """The judging process ended without an answer."""
 
@@ -166,11 +164,8 @@ def judge(
         _Chunk(str(folder), tuple(names[first : first + CHUNK]), tuple(arguments))
         for first in range(0, len(names), CHUNK)
     ]
-    all_answers: list[BlindAnswer] = []
-    for _, answers in map_items(executor, _explain, chunks):
-        all_answers += answers
-        on_progress(len(all_answers))
-    return sorted(all_answers, key=lambda answer: answer.file)
+    answers = map_in_order(executor, _explain, chunks, on_progress)
+    return sorted(answers, key=lambda answer: answer.file)
 
 
 def _explain(chunk: _Chunk) -> list[BlindAnswer]:

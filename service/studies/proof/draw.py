@@ -1,7 +1,6 @@
 """Writes the cases of a blind trial to files with neutral names, and seals their truth.
 
-The files are CSV as an operator exports them from a historian. ``CALIBRATED_WITH`` are the seeds
-that the method was calibrated with: a proof must use another one.
+The files are CSV as an operator exports them from a historian.
 """
 
 from __future__ import annotations
@@ -26,11 +25,16 @@ from stemwatch.models.studies.simulator.hidden import (
     draw_unknown,
     simulate_hidden,
 )
-from stemwatch.service.executors import Executor, map_items
+from stemwatch.service.executors import Executor, map_in_order
 from stemwatch.service.studies.proof.truth import OUTSIDE, RECORD_EFFECTS, CaseTruth, Seal, seal
 
 START = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
 SUFFIX = {Role.OP: "OP", Role.MV: "ZT", Role.PV: "PV", Role.SP: "SP"}
+BATCH = 6
+NOTHING = "none"
+POSITIONER = "positioner"  # not in the mixed population, only on request
+
+OnProgress = Callable[[int], None]
 
 
 def write_case(file: Path, recording: Recording, tags: Mapping[Role, str] | None = None) -> None:
@@ -60,16 +64,6 @@ def _times(stamps_s: Floats) -> list[str]:
         (START + timedelta(seconds=second)).isoformat(sep=" ", timespec=fine)
         for second in stamps_s.tolist()
     ]
-
-
-CALIBRATED_WITH = range(4000, 4100)
-
-
-BATCH = 6
-NOTHING = "none"
-POSITIONER = "positioner"  # not in the mixed population, only on request
-
-OnProgress = Callable[[int], None]
 
 
 @dataclass(frozen=True)
@@ -143,11 +137,7 @@ def write_cases(
         _SimulationBatch(tuple(seeded[first : first + BATCH]))
         for first in range(0, len(seeded), BATCH)
     ]
-    truths: list[CaseTruth] = []
-    for _, batch in map_items(executor, _fill, orders):
-        truths += batch
-        on_progress(len(truths))
-    return seal(truths)
+    return seal(map_in_order(executor, _fill, orders, on_progress))
 
 
 def _fill(order: _SimulationBatch) -> list[CaseTruth]:

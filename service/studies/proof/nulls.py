@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stemwatch.models.mismatch.acceptance.null_scores import null_scores
 from stemwatch.models.mismatch.acceptance_limits import (
     LEAST_OF_A_PAIR,
     MUCH_LEFT,
@@ -24,10 +23,13 @@ from stemwatch.models.mismatch.acceptance_limits import (
 )
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.recording import Floats
+from stemwatch.models.studies.null_scores import null_scores
 from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_nulls
-from stemwatch.service.executors import Executor, map_items
+from stemwatch.service.executors import Executor, map_in_order
 
 QUANTILES = (0.5, 0.9, 0.95, 0.97, 0.99, 1.0)
+RATE = 0.03  # of the nulls that may exceed a limit
+BATCH = 4
 _ROUNDING = 1e-9
 
 # (mean, t) of each term on each null, in the same order for all terms.
@@ -72,9 +74,6 @@ class DerivedLimit:
     def follows(self) -> bool:
         """Whether the limit in use lets through no more nulls than the rule."""
         return self.in_use >= self.derived
-
-
-RATE = 0.03  # of the nulls that may exceed a limit
 
 
 def derived_limits(valves: Sequence[NullValve]) -> list[DerivedLimit]:
@@ -229,9 +228,6 @@ def _limit(values: Floats, share: float) -> float:
     return max(float(np.ceil(100.0 * (limit - _ROUNDING)) / 100.0), 0.0)
 
 
-BATCH = 4
-
-
 def calibrate(
     cases: int, seed: int, executor: Executor, on_progress: Callable[[int], None]
 ) -> list[NullValve]:
@@ -243,11 +239,7 @@ def calibrate(
     batches = [
         tuple(null_cases[first : first + BATCH]) for first in range(0, len(null_cases), BATCH)
     ]
-    valves_of_batch: dict[int, list[NullValve]] = {}
-    for index, valves in map_items(executor, _scored, batches):
-        valves_of_batch[index] = valves
-        on_progress(sum(map(len, valves_of_batch.values())))
-    return [valve for index in sorted(valves_of_batch) for valve in valves_of_batch[index]]
+    return map_in_order(executor, _scored, batches, on_progress)
 
 
 def scores_of(valves: Iterable[NullValve]) -> Scores:

@@ -17,7 +17,7 @@ from stemwatch.service.studies.proof.truth import (
     CaseTruth,
     Seal,
 )
-from stemwatch.service.studies.trial import wilson
+from stemwatch.service.studies.wilson import wilson
 
 RIGHT = (CaseOutcome.EXACT, CaseOutcome.CLASS)
 NO_VERDICT = "not_testable"

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stemwatch.models.mismatch.acceptance.null_scores import null_scores
 from stemwatch.models.mismatch.acceptance_limits import convincing
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.fit.base_fit import base_bounds, first_scatter
@@ -25,6 +24,7 @@ from stemwatch.models.mismatch.measurement.record_effects import measured_record
 from stemwatch.models.mismatch.prepared_recording import prepare, problem_of, summary_of
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.fit import CANONICAL
+from stemwatch.models.studies.null_scores import null_scores
 from stemwatch.models.studies.simulator.historian import swinging_door
 from stemwatch.service.studies.robustness import WAYS
 from tests.models.mismatch.fitted_chain import candidate, hypothesis, rescaled, simulated_by_chain

@@ -15,7 +15,6 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from stemwatch.models.mismatch.acceptance.null_scores import null_scores
 from stemwatch.models.mismatch.acceptance_limits import LEAST_OF_A_PAIR, strength
 from stemwatch.models.mismatch.explain import explain, of_rivals
 from stemwatch.models.mismatch.findings import Finding, Mismatch, TriedOutcome
@@ -25,6 +24,7 @@ from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Role
 from stemwatch.models.stickslip.fit import Advantage
+from stemwatch.models.studies.null_scores import null_scores
 from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.models.studies.simulator.hidden import (
     draw_effect,

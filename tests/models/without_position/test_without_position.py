@@ -18,8 +18,9 @@ from scipy.signal import lfilter
 
 from stemwatch.models.recording import Quality, Recording, Role, Signal
 from stemwatch.models.stickslip import kernel
-from stemwatch.models.studies.loops.draws import STORIES, draw_loop, many_scales
+from stemwatch.models.studies.loops.draws import STORIES, draw_loop
 from stemwatch.models.studies.loops.examples import example, teaches
+from stemwatch.models.studies.loops.random_signals import many_scales
 from stemwatch.models.studies.loops.training import train
 from stemwatch.models.without_position import trained_weights
 from stemwatch.models.without_position.features import (

@@ -155,7 +155,6 @@ def test_damage_on_disk_is_reported_once_and_passed(tmp_path: Path, caplog) -> N
     repeated = Spool(tmp_path)
     assert [times(repeated), times(repeated)] == [[0, 2], [0, 2]]
     assert caplog.text.count("are no record") == 1
-    assert repeated.damaged_bytes > 0
     repeated.close()
 
 
@@ -181,7 +180,7 @@ def test_two_processes_do_not_share_a_spool(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="file sizes are limited the POSIX way")
-def test_a_disk_that_takes_no_more_spoils_nothing(tmp_path: Path) -> None:
+def test_a_disk_that_takes_no_more_spoils_nothing(tmp_path: Path, caplog) -> None:
     """What was accepted before comes out, half a record does not, and it goes on when it can."""
     import resource
 
@@ -199,7 +198,7 @@ def test_a_disk_that_takes_no_more_spoils_nothing(tmp_path: Path) -> None:
     assert 0 < accepted < 1000
     spool.append(batch(accepted))
     assert times(spool) == list(range(accepted + 1))
-    assert spool.damaged_bytes == 0
+    assert "are no record" not in caplog.text
     spool.close()
 
 

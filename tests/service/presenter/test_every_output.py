@@ -19,7 +19,7 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.service.alerts.digest import message_of
 from stemwatch.service.alerts.rules import ValveRecord, apply_rules
 from stemwatch.service.cli import screening_views as views
-from stemwatch.service.cli.explanation import explanation
+from stemwatch.service.cli.explanation_views import explanation
 from stemwatch.service.config.service_schema import AlertRules
 from stemwatch.service.explain.explain_recording import Explained
 from stemwatch.service.maintenance.maintenance_html import work_list_html

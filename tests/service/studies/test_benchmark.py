@@ -31,7 +31,6 @@ from stemwatch.service.studies.benchmark.score import (
     BenchmarkScore,
     benchmark_score,
     interval_score,
-    parts_of,
 )
 from stemwatch.service.studies.benchmark.seal_and_score import judge, write_benchmark
 from stemwatch.service.studies.benchmark.truth import ValveTruth
@@ -145,7 +144,8 @@ def test_adding_a_blind_answer_never_raises_the_expected_score(
     gains = []
     for truth in cases:
         silent = {case: said for case, said in rest.items() if case != truth.case}
-        before, after = parts_of(cases, silent), parts_of(cases, silent | {truth.case: answer})
+        before = benchmark_score(cases, silent).parts
+        after = benchmark_score(cases, silent | {truth.case: answer}).parts
         gains.append([b.score - a.score for a, b in zip(before, after, strict=True)])
     assert np.max(np.mean(gains, axis=0)) <= 1e-12
 
@@ -241,7 +241,7 @@ def benchmark_folder(quick_draw, tmp_path: Path) -> Path:
         seed=SECRET_SEED,
         cases=8,
         executor=InProcess(),
-        tell=lambda _: None,
+        on_progress=lambda _: None,
     )
     return folder
 
@@ -291,7 +291,7 @@ def test_the_same_seed_gives_the_same_set(quick_draw, tmp_path: Path) -> None:
             seed=seed,
             cases=8,
             executor=InProcess(),
-            tell=lambda _: None,
+            on_progress=lambda _: None,
         )
         for name, seed in (("one", 5151), ("two", 5151), ("three", 6161))
     ]
@@ -308,7 +308,7 @@ def test_the_same_seed_gives_the_same_set(quick_draw, tmp_path: Path) -> None:
                 seed=5151,
                 cases=cases,
                 executor=InProcess(),
-                tell=lambda _: None,
+                on_progress=lambda _: None,
             )
     assert (tmp_path / "one/README.md").read_bytes() == (tmp_path / "two/README.md").read_bytes()
 

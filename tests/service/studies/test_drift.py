@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from stemwatch.models.limits import Limits
 from stemwatch.models.studies.simulator import draw_healthy
-from stemwatch.service.cli.drift import alarms, areas, as_json, drift, limits, show
+from stemwatch.service.cli.drift import drift, show
 from stemwatch.service.executors import InProcess
 from stemwatch.service.studies.drift import (
     HEALTHY,
@@ -20,8 +20,12 @@ from stemwatch.service.studies.drift import (
     DriftBatch,
     Followed,
     ValveFate,
+    alarms,
+    areas,
+    as_json,
     calibrated_limit,
     follow_batch,
+    limits,
     run_drift,
     scores,
 )

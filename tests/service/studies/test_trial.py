@@ -20,8 +20,8 @@ from stemwatch.service.studies.trial import (
     rates,
     run_trial,
     shapes,
-    wilson,
 )
+from stemwatch.service.studies.wilson import wilson
 
 pytestmark = pytest.mark.long  # a study: it simulates, fits and trains from the beginning
 

@@ -12,16 +12,20 @@ from rich.table import Table
 from stemwatch.models.without_position.suspicion import Suspicion, trained_judge
 from stemwatch.service.cli.study_without_position import _tables
 from stemwatch.service.executors import InProcess
-from stemwatch.service.studies.several_recordings import RecordedLoop, in_order_rows
-from stemwatch.service.studies.without_position import (
-    FAMILIES,
+from stemwatch.service.studies.without_position.count import (
     FamilyRow,
     StudiedLoop,
     family_rows,
+    run_study,
+)
+from stemwatch.service.studies.without_position.draw import FAMILIES, look_item
+from stemwatch.service.studies.without_position.several_recordings import (
+    RecordedLoop,
+    in_order_rows,
+)
+from stemwatch.service.studies.without_position.training import (
     items_of_training,
     limits_of,
-    look_item,
-    run_study,
     run_training,
 )
 from tests.service.report.test_without_position import no_sign, suspected

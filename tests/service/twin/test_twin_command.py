@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from stemwatch.service.studies.what_if import FALL, run_what_if_study
+from stemwatch.service.studies.twin import FALL, run_twin_study
 from tests.service.conftest import BLIND, STICKY
 
 
@@ -70,7 +70,7 @@ def test_screening_keeps_what_the_sticking_costs(
 @pytest.mark.long
 def test_the_study_holds_twins_to_the_plant() -> None:
     """Four loops of a development seed: the fall of the variance is foretold within a fifth."""
-    loops = list(run_what_if_study(4, 6161))
+    loops = list(run_twin_study(4, 6161))
     figures = [one for loop in loops for one in loop.figures]
     falls = [one for one in figures if (one.change, one.figure) == ("repaired", FALL)]
     assert len(falls) >= 3

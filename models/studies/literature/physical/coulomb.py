@@ -20,7 +20,6 @@ import numpy as np
 from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.literature.model import Run
-from stemwatch.models.studies.literature.physical import coulomb
 from stemwatch.models.studies.literature.physical.body import Packing, ValveBody
 from stemwatch.models.studies.literature.physical.published import ParameterSet
 from stemwatch.models.studies.literature.physical.shared_parameters import (
@@ -38,12 +37,12 @@ def _euler(
     x: float, v: float, h: float, force: float, side: float, c: Floats
 ) -> tuple[float, float]:
     """One linearly implicit step of ``h`` s under the actuator force at its end."""
-    drop = (c[2] - c[3]) * np.exp(-((v / c[5]) ** 2))
-    slope = 2.0 * abs(v) * drop / (c[5] * c[5]) - c[4]
-    net = force - c[1] * x - side * (c[3] + drop) - c[4] * v
+    drop = (c[STATIC] - c[KINETIC]) * np.exp(-((v / c[STRIBECK]) ** 2))
+    slope = 2.0 * abs(v) * drop / (c[STRIBECK] * c[STRIBECK]) - c[VISCOUS]
+    net = force - c[SPRING] * x - side * (c[KINETIC] + drop) - c[VISCOUS] * v
     # A falling friction level is an unstable slope; beyond this value the step is too long anyway.
-    slope = min(slope, 0.5 * c[0] / h)
-    dv = h * (net - h * c[1] * v) / (c[0] - h * slope + h * h * c[1])
+    slope = min(slope, 0.5 * c[MASS] / h)
+    dv = h * (net - h * c[SPRING] * v) / (c[MASS] - h * slope + h * h * c[SPRING])
     return x + h * (v + dv), v + dv
 
 
@@ -56,24 +55,24 @@ def _step(
     xm, vm = _euler(x, v, 0.5 * h, f0 + 0.5 * rate * h, side, c)
     x2, v2 = _euler(xm, vm, 0.5 * h, f0 + rate * h, side, c)
     # Errors of the velocity count as the travel within one radian of the free swing.
-    swing_s = np.sqrt(c[0] / c[1])
-    error = (abs(x2 - x1) + swing_s * abs(v2 - v1)) / c[9]
+    swing_s = np.sqrt(c[MASS] / c[SPRING])
+    error = (abs(x2 - x1) + swing_s * abs(v2 - v1)) / c[TOLERANCE]
     return 2.0 * x2 - x1, 2.0 * v2 - v1, error
 
 
 @compiled()
 def _rests_for(x: float, f0: float, rate: float, c: Floats) -> float:
     """Seconds until a resting stem lets go, 0 if at once, infinity if never."""
-    net = f0 - c[1] * x
-    up = net > c[2] and x < c[8]
-    down = -net > c[2] and x > c[7]
+    net = f0 - c[SPRING] * x
+    up = net > c[STATIC] and x < c[STOP_HIGH]
+    down = -net > c[STATIC] and x > c[STOP_LOW]
     if up or down:
         return 0.0
     wait_s = np.inf
-    if rate > 0.0 and x < c[8]:
-        wait_s = (c[2] - net) / rate
-    elif rate < 0.0 and x > c[7]:
-        wait_s = (c[2] + net) / -rate
+    if rate > 0.0 and x < c[STOP_HIGH]:
+        wait_s = (c[STATIC] - net) / rate
+    elif rate < 0.0 and x > c[STOP_LOW]:
+        wait_s = (c[STATIC] + net) / -rate
     return float(max(wait_s, 0.0))
 
 
@@ -85,14 +84,14 @@ def _interval(
     t, h = 0.0, length
     least = 1e-12 * length
     # below this velocity the tolerance cannot distinguish motion from rest
-    calm = c[9] / np.sqrt(c[0] / c[1])
+    calm = c[TOLERANCE] / np.sqrt(c[MASS] / c[SPRING])
     side, resting = (1.0 if v > 0.0 else -1.0), v == 0.0
     while length - t > least:
         if resting:
             t += _rests_for(x, f0 + rate * t, rate, c)
             if length - t <= least:
                 break
-            net = f0 + rate * t - c[1] * x
+            net = f0 + rate * t - c[SPRING] * x
             side = 1.0 if net > 0.0 else -1.0
             h, resting = 1e-3, False
         h = min(h, length - t)
@@ -105,11 +104,11 @@ def _interval(
             continue
         t += h
         x, v = xn, vn
-        force = abs(f0 + rate * t - c[1] * x)
-        if side * v <= 0.0 or (abs(v) <= c[6] and force <= c[2]):
+        force = abs(f0 + rate * t - c[SPRING] * x)
+        if side * v <= 0.0 or (abs(v) <= c[BAND] and force <= c[STATIC]):
             v = 0.0
-        if x >= c[8] or x <= c[7]:
-            x, v = min(max(x, c[7]), c[8]), 0.0
+        if x >= c[STOP_HIGH] or x <= c[STOP_LOW]:
+            x, v = min(max(x, c[STOP_LOW]), c[STOP_HIGH]), 0.0
         resting = v == 0.0
         h *= min(5.0, 0.9 / np.sqrt(error + 1e-12))
     return x, v
@@ -126,8 +125,8 @@ def run_coulomb(
     x, v = 0.01 * y0 * stroke_m, 0.0
     out[0] = y0
     for k in range(1, pressure.size):
-        f0 = c[10] + c[11] * pressure[k - 1]
-        rate = c[11] * (pressure[k] - pressure[k - 1]) / interval_s
+        f0 = c[FORCE] + c[FORCE_PER_PERCENT] * pressure[k - 1]
+        rate = c[FORCE_PER_PERCENT] * (pressure[k] - pressure[k - 1]) / interval_s
         x, v = _interval(x, v, f0, rate, interval_s, c)
         out[k] = 100.0 * x / stroke_m
 
@@ -152,15 +151,15 @@ def air_lag(op: Floats, interval_s: float, lag_s: float, out: Floats) -> None:
 def coulomb_constants(
     body: ValveBody, packing: Packing, band_m_per_s: float, tolerance_percent: float
 ) -> Floats:
-    """(12,) constants in the order of ``coulomb``; no stops."""
-    c = np.empty(coulomb.N_CONSTANTS)
-    c[coulomb.MASS], c[coulomb.SPRING] = body.mass_kg, body.spring_n_per_m
-    c[coulomb.STATIC], c[coulomb.KINETIC] = packing.static_n, packing.kinetic_n
-    c[coulomb.VISCOUS], c[coulomb.STRIBECK] = packing.viscous_ns_per_m, packing.stribeck_m_per_s
-    c[coulomb.BAND] = band_m_per_s
-    c[coulomb.STOP_LOW], c[coulomb.STOP_HIGH] = -np.inf, np.inf
-    c[coulomb.TOLERANCE] = 0.01 * tolerance_percent * body.stroke_m
-    c[coulomb.FORCE], c[coulomb.FORCE_PER_PERCENT] = actuator_force(body)
+    """(12,) constants in the order of this module; no stops."""
+    c = np.empty(N_CONSTANTS)
+    c[MASS], c[SPRING] = body.mass_kg, body.spring_n_per_m
+    c[STATIC], c[KINETIC] = packing.static_n, packing.kinetic_n
+    c[VISCOUS], c[STRIBECK] = packing.viscous_ns_per_m, packing.stribeck_m_per_s
+    c[BAND] = band_m_per_s
+    c[STOP_LOW], c[STOP_HIGH] = -np.inf, np.inf
+    c[TOLERANCE] = 0.01 * tolerance_percent * body.stroke_m
+    c[FORCE], c[FORCE_PER_PERCENT] = actuator_force(body)
     return c
 
 
@@ -170,6 +169,6 @@ def coulomb_run(valve: ParameterSet, band_m_per_s: float, tolerance_percent: flo
     def run(op: Floats, q: Floats, interval_s: float, y0: float, out: Floats) -> None:
         packing = packing_of(q, valve.packing)
         c = coulomb_constants(valve.body, packing, band_m_per_s, tolerance_percent)
-        coulomb.run_coulomb(op, interval_s, valve.body.stroke_m, y0, c, out)
+        run_coulomb(op, interval_s, valve.body.stroke_m, y0, c, out)
 
     return run

@@ -21,9 +21,7 @@ BAND_M_PER_S = 1e-6  # far below every Stribeck speed that was published for a v
 
 
 def karnopp(
-    valve: ParameterSet = USUAL,
-    tolerance_percent: float = TOLERANCE_PERCENT,
-    band_m_per_s: float = BAND_M_PER_S,
+    valve: ParameterSet = USUAL, tolerance_percent: float = TOLERANCE_PERCENT
 ) -> KernelModel:
     """Karnopp's model of ``valve`` with the band DV; parameters Fs, Fc (N) and Fv (N s/m)."""
     return KernelModel(
@@ -44,7 +42,7 @@ def karnopp(
             "otherwise the stem never sticks again.",
             *PHYSICAL_LIMITS,
         ),
-        run=coulomb_run(valve, band_m_per_s, tolerance_percent),
+        run=coulomb_run(valve, BAND_M_PER_S, tolerance_percent),
         relation=kinetic_not_above_static,
         slow=True,
     )

@@ -6,8 +6,10 @@ is that plant run again with it, with the same loads, noise and set points.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from stemwatch.models.closed_loop.fitted_loop import LoopRun
 from stemwatch.models.closed_loop.what_if import (
@@ -67,7 +69,7 @@ class PredictedLoop:
     reason: str = ""
 
 
-def run_what_if_study(loops: int, seed: int) -> Iterator[PredictedLoop]:
+def run_twin_study(loops: int, seed: int) -> Iterator[PredictedLoop]:
     """Draw ``loops`` with a sticking valve, fit the twin of each, and hold it to the plant."""
     for index, loop in enumerate(draw_sticky(loops, seed)):
         yield _judged(loop, seed + index)
@@ -122,3 +124,34 @@ def _truth(loop: PlantLoop, seed: int, noise: float) -> LoopFigures:
         ),
         noise=noise,
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictionRow:
+    """One figure of one change over all twins: how many have it, the median ``error`` as a share
+    of the truth (``None`` where none has one), and in how many of ``of`` the interval holds."""
+
+    change: str
+    figure: str
+    figures: int
+    error: float | None
+    holds: int
+    of: int
+
+
+def figure_rows(twins: Sequence[PredictedLoop]) -> Iterator[PredictionRow]:
+    """A row for each figure of each change, in the order in which they were asked for."""
+    figures = [figure for twin in twins for figure in twin.figures]
+    for change in dict.fromkeys(figure.change for figure in figures):
+        for name in FIGURES:
+            chosen = [each for each in figures if (each.change, each.figure) == (change, name)]
+            errors = [figure.error for figure in chosen if figure.error is not None]
+            holds = [figure.holds for figure in chosen if figure.holds is not None]
+            yield PredictionRow(
+                change=change,
+                figure=name,
+                figures=len(errors),
+                error=float(np.median(errors)) if errors else None,
+                holds=sum(holds),
+                of=len(holds),
+            )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stemwatch.service.cli import options as o
-from stemwatch.service.cli.json_lines import by_lines, rounded
+from stemwatch.service.cli.study_json import study_json
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -42,7 +42,6 @@ def calibrate_mismatch(
     """
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
-    from stemwatch.service.studies.proof.draw import CALIBRATED_WITH
     from stemwatch.service.studies.proof.nulls import (
         QUANTILES,
         calibrate,
@@ -52,8 +51,9 @@ def calibrate_mismatch(
         scores_of,
         term_nulls,
     )
+    from stemwatch.service.studies.seeds import LIMITS_CALIBRATED_WITH
 
-    if seed not in CALIBRATED_WITH:
+    if seed not in LIMITS_CALIBRATED_WITH:
         views.say(f"Seed {seed} is not one that is kept for calibration; do not prove with it.")
     with views.progress("nulls", cases, transient=True) as advance:
         valves = calibrate(cases, seed, choose_executor(workers), advance)
@@ -84,7 +84,7 @@ def calibrate_mismatch(
                 [v.concealment, v.friction, *(getattr(v, name) for name in KEPT)] for v in valves
             ],
         }
-        views.write_file(json_file, by_lines(rounded(limits)))
+        views.write_file(json_file, study_json(limits))
     views.say_read_on("method.md")
 
 
@@ -108,7 +108,7 @@ def _in_use() -> dict[str, float]:
 
 def _derived(limits: Sequence[DerivedLimit]) -> Table:
     """Each limit beside the least one that follows the rule."""
-    from stemwatch.service.cli.prove_tables import plain_table
+    from stemwatch.service.cli.views import plain_table
     from stemwatch.service.studies.proof.nulls import RATE
 
     title = f"Limits beside what at most {RATE:.0%} of the nulls exceed"
@@ -121,7 +121,7 @@ def _derived(limits: Sequence[DerivedLimit]) -> Table:
 
 def _beyond(by_kind: Sequence[NullGroup]) -> Table:
     """How many nulls of each kind a term or a pair would pass, and how far the rest stay below."""
-    from stemwatch.service.cli.prove_tables import plain_table
+    from stemwatch.service.cli.views import plain_table
 
     title = "Nulls beyond the limits in use (strength 1 is the limit of a term)"
     columns = ("nulls", "a term", "a pair", "strongest, 95 %", "pair, 95 %", "pair, most")
@@ -135,7 +135,7 @@ def _beyond(by_kind: Sequence[NullGroup]) -> Table:
 
 def _table(rows: Sequence[TermNulls]) -> Table:
     """The upper quantiles that fit into a terminal; the JSON has all."""
-    from stemwatch.service.cli.prove_tables import plain_table
+    from stemwatch.service.cli.views import plain_table
     from stemwatch.service.studies.proof.nulls import QUANTILES
 
     columns = [index for index, quantile in enumerate(QUANTILES) if quantile >= SHOWN_FROM]

@@ -18,7 +18,7 @@ from stemwatch.models.without_position.suspicion import (
     trained_judge,
 )
 from stemwatch.service.executors import Executor, map_in_order
-from stemwatch.service.studies.without_position import recording_of
+from stemwatch.service.studies.without_position.draw import recording_of
 
 NUMBERS = (1, 2, 3, 4, 6, 8, 12, 16)
 

@@ -66,9 +66,7 @@ def simulate_archive(
             "shifted in time and with fresh noise. Good for timing, not for counting verdicts."
         )
     with views.progress("simulating", valves) as advance:
-        plant = write_archive(
-            plan, folder, choose_executor(workers), lambda valves_done, _: advance(valves_done)
-        )
+        plant = write_archive(plan, folder, choose_executor(workers), advance)
     for path in (plant, folder / "truth.json"):
         views.out.print(views.escape(str(path)), highlight=False, soft_wrap=True)
     views.say_next(f"stemwatch screen --plant {plant}")
