@@ -85,6 +85,13 @@ def _done_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
+@pytest.fixture
+def screened_anew(_done_once: None) -> Iterator[None]:
+    """Every recording is screened, whether it was before or not."""
+    with patch.object(screening, "screen", done_once.SCREEN):
+        yield
+
+
 @dataclass(frozen=True)
 class Outcome:
     """How a command ended and what it printed."""
