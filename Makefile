@@ -29,8 +29,8 @@ export STRICT
 unexport PYTHONDONTWRITEBYTECODE
 # Tests run side by side, neighbours in one process, so that what a module's tests share is made once; each process
 # stays on its own core, and all share one cache of compiled kernels.
-test test-all explore: export OMP_NUM_THREADS ?= 1
-test test-all explore: export NUMBA_CACHE_DIR ?= $(abspath $(VENV))/numba-cache
+test test-ci test-all explore: export OMP_NUM_THREADS ?= 1
+test test-ci test-all explore: export NUMBA_CACHE_DIR ?= $(abspath $(VENV))/numba-cache
 PYTEST = $(BIN)/pytest -n $(WORKERS) --dist worksteal -q -rsfE --durations=10 --durations-min=1
 
 # $(call alone,marker): what a failure is followed by. Alone on the machine, a test that only a busy machine upset passes,
@@ -69,7 +69,7 @@ STYLE = $(call step,Checking style (ruff),$(BIN)/ruff check . && $(BIN)/ruff for
 RULES := $(BIN)/lint-imports --no-cache
 TYPES := $(BIN)/mypy
 
-.PHONY: demo test test-all explore faults check live bench lock supply-chain docs clean help
+.PHONY: demo test test-ci test-all explore faults check live bench lock supply-chain docs clean help
 .DEFAULT_GOAL := help
 
 demo: $(VENV)/can-run ## Simulate the demonstration plant, screen it, and write its report into demo/
@@ -87,9 +87,14 @@ test: $(VENV)/can-test ## All checks and the tests that a change needs; sets up 
 	$(BIN)/python tests/prepare.py && { $(PYTEST) -m 'not long'$(call alone,not long); }; tests=$$?; \
 	wait $$types || { echo 'Types or imports are wrong, see above; make check says it again.'; exit 1; }; exit $$tests
 
-test-all: test ## The same, and then the long tests: stories, hours of faults, statistical studies
-	@echo 'Running the long tests ...'
-	@$(PYTEST) -m long$(call alone,long)
+# What .ci/run calls: the long tests need services, browsers and kills; those of studies repeat shorter ones.
+test-ci: test ## The same, and then the long tests without the studies
+	@echo 'Running the long tests; the studies are left to make test-all ...'
+	@$(PYTEST) -m 'long and not study'$(call alone,long and not study)
+
+test-all: test-ci ## The same, and then the studies: statistics, hours of waiting, files of gigabytes
+	@echo 'Running the studies ...'
+	@$(PYTEST) -m study$(call alone,study)
 
 explore: $(VENV)/can-test ## Property tests with new random draws for SECONDS=600, or again with SEED=...
 	@$(BIN)/python tests/explore.py --seconds $(SECONDS) $(if $(SEED),--seed $(SEED)) -n $(WORKERS)

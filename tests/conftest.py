@@ -7,6 +7,7 @@ import gc
 import os
 import signal
 import sys
+from collections import deque
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
@@ -14,10 +15,15 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-# The same examples in every run: no commit is refused by a draw. ``make explore`` draws anew; what
-# it finds is kept as an ``@example`` of the test.
+# The same fifty examples in every run: no commit is refused by a draw. ``make explore`` draws a
+# hundred anew; what it finds is kept as an ``@example`` of the test.
 settings.register_profile(
-    "repeatable", derandomize=True, deadline=None, database=None, print_blob=True
+    "repeatable",
+    max_examples=50,
+    derandomize=True,
+    deadline=None,
+    database=None,
+    print_blob=True,
 )
 settings.register_profile(
     "explore", derandomize=False, deadline=None, database=None, print_blob=True
@@ -26,6 +32,7 @@ settings.load_profile("repeatable")
 
 STRICT = os.environ.get("STRICT", "") not in ("", "0")
 MUST_RUN = ("browser", "postgres")
+STUDIES = {"benchmarks", "studies"}
 RECORDINGS = "STEMWATCH_RECORDINGS"
 REPOSITORY = Path(__file__).parent.parent
 BESIDE_THE_CHECKOUT = REPOSITORY.parent / "shared" / "recordings"
@@ -55,10 +62,42 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.enable()
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests marked ``early`` begin before all others, which go on beside them: begun last, they
-    would keep the machine waiting."""
-    items.sort(key=lambda item: item.get_closest_marker("early") is None)
+@pytest.hookimpl(wrapper=True)
+def pytest_collection_modifyitems(
+    config: pytest.Config, items: list[pytest.Item]
+) -> Generator[None, None, None]:
+    """The long tests in folders of studies are themselves studies, and every study is long, so that
+    each test is run by one of the three targets of the Makefile. Of those that were asked for,
+    half of the processes begin with the ones marked ``early``, beside which the others go on: begun
+    last, they would keep the machine waiting."""
+    for item in items:
+        long = item.get_closest_marker("long")
+        if STUDIES & set(item.path.parts) and long:
+            item.add_marker("study")
+        elif item.get_closest_marker("study") and not long:
+            raise pytest.UsageError(f"{item.nodeid} is marked study but not long")
+    yield
+    processes = int(getattr(config, "workerinput", {}).get("workercount", 1))
+    items[:] = early_first(items, processes)
+
+
+def early_first(items: list[pytest.Item], processes: int) -> list[pytest.Item]:
+    """The tests in an order of which each process takes an equal stretch, as xdist deals them; the
+    ``early`` ones, a module's together, begin the stretches of half of the processes."""
+    modules: dict[Path, list[pytest.Item]] = {}
+    others = deque[pytest.Item]()
+    for item in items:
+        early = item.get_closest_marker("early")
+        (modules.setdefault(item.path, []) if early else others).append(item)
+    heads: list[list[pytest.Item]] = [[] for _ in range(processes)]
+    for module in modules.values():
+        min(heads[: max(1, processes // 2)], key=len).extend(module)
+    ordered: list[pytest.Item] = []
+    for place, head in enumerate(heads):
+        ordered += head
+        end = len(items) * (place + 1) // processes
+        ordered += [others.popleft() for _ in range(min(end - len(ordered), len(others)))]
+    return ordered
 
 
 @pytest.fixture(scope="session")

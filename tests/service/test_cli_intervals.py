@@ -26,7 +26,11 @@ class Export:
 
 @pytest.fixture(
     scope="module",
-    params=[(0.001, 5000), pytest.param((0.01, 2000), marks=pytest.mark.long), (60.0, 10080)],
+    params=[
+        (0.001, 5000),
+        pytest.param((0.01, 2000), marks=pytest.mark.long),
+        pytest.param((60.0, 10080), marks=pytest.mark.long),
+    ],
     ids=["5 s at 1 kHz", "20 s at 100 Hz", "a week at 60 s"],
 )
 def export(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Export:

@@ -85,7 +85,7 @@ def programme():
 @pytest.mark.parametrize(
     ("hidden", "slug", "name"),
     [
-        ({"lag_s": 4.0}, "actuator_lag", "actuator lag"),
+        pytest.param({"lag_s": 4.0}, "actuator_lag", "actuator lag", marks=pytest.mark.long),
         ({"dead_time_s": 4.0}, "dead_time", "dead time"),
     ],
 )

@@ -148,6 +148,7 @@ def test_reasons_that_are_alike_are_said_once(stemwatch, export: Path, tmp_path:
     assert alone.startswith("sticking suspected FIC-113  ")
 
 
+@pytest.mark.long
 def test_a_folder_named_like_markup_is_shown_as_it_is(
     stemwatch, one_valve: Path, tmp_path: Path
 ) -> None:

@@ -56,6 +56,7 @@ def test_a_scheduler_that_dies_is_the_cluster_s_fault(
         _amid_the_work(cluster, tmp_path, signal.SIGKILL)
 
 
+@pytest.mark.long
 def test_a_scheduler_that_hangs_is_given_up(
     cluster: clusters.Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -71,6 +72,7 @@ def test_a_scheduler_that_hangs_is_given_up(
     assert time.monotonic() - started < 120.0
 
 
+@pytest.mark.long
 def test_a_busy_scheduler_is_not_given_up(
     cluster: clusters.Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -265,6 +265,7 @@ def device() -> Iterator[Device]:
 
 
 @pytest.mark.long
+@pytest.mark.early
 @pytest.mark.postgres
 def test_faults_lose_no_sample_and_no_run(
     database: Database, device: Device, tmp_path: Path

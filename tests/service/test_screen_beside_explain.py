@@ -95,7 +95,14 @@ def agree(screened: Screening, explained: Explained) -> None:
     assert len(alternatives) == (0 if same else 1)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+# Of the kinds with an effect and without, one each in the short run.
+IN_LONG = ("late", "healthy")
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(kind, marks=[pytest.mark.long] if kind in IN_LONG else []) for kind in KINDS],
+)
 def test_s_and_j_and_what_was_left_out_are_one(kind: str) -> None:
     """Of a valve of every kind: S, J, finding, effects, sentence, fit."""
     recording = KINDS[kind]()

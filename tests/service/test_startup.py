@@ -62,7 +62,9 @@ def test_no_module_loads_torch_when_it_is_imported() -> None:
 
 
 @pytest.mark.parametrize(
-    "arguments", [["--help"], ["inspect", "export"]], ids=lambda words: words[0]
+    "arguments",
+    [["--help"], pytest.param(["inspect", "export"], marks=pytest.mark.long)],
+    ids=lambda words: words[0],
 )
 def test_commands_that_train_nothing_load_no_torch(
     one_valve: Path, arguments: list[str], tmp_path: Path

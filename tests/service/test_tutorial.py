@@ -14,6 +14,7 @@ COMMANDS = re.findall(r"^```\nstemwatch (.+)$", TUTORIAL.read_text("utf-8"), re.
 
 
 @pytest.mark.long
+@pytest.mark.early
 def test_the_tutorial_does_what_it_says(
     stemwatch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 from alembic import command
@@ -29,7 +30,8 @@ def upgrade(engine: Engine, address: DatabaseUrl) -> None:
         wait_for_others(connection)
         if (current := current_revision(connection)) is not None:
             refuse_newer(current, str(address))
-        command.upgrade(config_for(connection), "head")
+        if current != newest_revision():
+            command.upgrade(config_for(connection), "head")
 
 
 def downgrade(engine: Engine, revision: str) -> None:
@@ -43,10 +45,7 @@ def downgrade(engine: Engine, revision: str) -> None:
 def take_back(engine: Engine, address: DatabaseUrl, revision: str) -> None:
     """``downgrade`` after a check: raises ``StoreError`` for an unknown schema, or one that is not
     older than the present one."""
-    later_revisions = [
-        walk_revision.revision
-        for walk_revision in ScriptDirectory.from_config(_config()).walk_revisions()
-    ]
+    later_revisions = [walk_revision.revision for walk_revision in _migrations().walk_revisions()]
     if revision not in later_revisions:
         raise StoreError(
             f"{address}: there is no schema {revision}; {', '.join(reversed(later_revisions))}"
@@ -81,7 +80,7 @@ def current_revision(connection: Connection) -> str | None:
 
 def newest_revision() -> str:
     """The newest schema that this version of the program knows."""
-    return str(ScriptDirectory.from_config(_config()).get_current_head())
+    return str(_migrations().get_current_head())
 
 
 def config_for(connection: Connection) -> Config:
@@ -103,7 +102,7 @@ def is_newer(revision: str | None) -> bool:
     if revision is None:
         return False
     try:
-        ScriptDirectory.from_config(_config()).get_revision(revision)
+        _migrations().get_revision(revision)
     except CommandError:
         return True
     return False
@@ -116,6 +115,12 @@ def refuse_newer(revision: str, database: str) -> None:
             f"{database}: written by a newer stemwatch (schema {revision}; this version knows "
             f"schemas up to {newest_revision()}). Install the newer version."
         )
+
+
+@cache
+def _migrations() -> ScriptDirectory:
+    """All migrations, read once in a process: reading them takes longer than opening a store."""
+    return ScriptDirectory.from_config(_config())
 
 
 def _config() -> Config:

@@ -290,7 +290,10 @@ def write_hours(path: Path, kind: str, megabytes: int) -> int:
     [
         ("quoted", 16, 200),
         pytest.param("narrow", 16, 400, marks=pytest.mark.long),
-        *(pytest.param(kind, 2000, 1500, marks=pytest.mark.long) for kind in TWO_GB),
+        *(
+            pytest.param(kind, 2000, 1500, marks=[pytest.mark.long, pytest.mark.study])
+            for kind in TWO_GB
+        ),
         *(pytest.param(kind, 500, 1000, marks=pytest.mark.long) for kind in KINDS),
     ],
 )

@@ -48,7 +48,7 @@ CASES = [
         marks=pytest.mark.long,
     ),
     ("travel_stop", 4002, "stop_low", "low_percent", 0.3),
-    ("zero_shift", 4001, "zero", "zero_percent", 0.15),
+    pytest.param("zero_shift", 4001, "zero", "zero_percent", 0.15, marks=pytest.mark.long),
     pytest.param("growing_stiction", 4000, "growth", "growth", 0.25, marks=pytest.mark.long),
 ]
 # Whose S or J the effect biases by a tenth and more.
@@ -296,7 +296,9 @@ def test_before_and_after_share_their_cells(slug, seed, name, size, within):
     ]
 
 
-@pytest.mark.parametrize("seed", [4000, 4001, pytest.param(4003, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "seed", [4001, *(pytest.param(seed, marks=pytest.mark.long) for seed in (4000, 4003))]
+)
 def test_where_nothing_is_hidden_nothing_is_named(seed):
     """A stick-slip valve with scatter and noise: S and J explain it."""
     result, (recording, valve, _) = explained("null", seed), simulated("null", seed)
@@ -328,7 +330,7 @@ def test_the_same_recording_gives_the_same_answer():
     np.testing.assert_array_equal(once.runs.extended, twice.runs.extended)
 
 
-@pytest.mark.parametrize("value", [1e300, -5_000.0])
+@pytest.mark.parametrize("value", [1e300, pytest.param(-5_000.0, marks=pytest.mark.long)])
 def test_an_impossible_sample_is_left_out_alone(value):
     """A command or a position outside of any percent range counts as missing."""
     part = simulated("null", 4001)[0].part(0, 900)

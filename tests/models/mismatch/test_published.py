@@ -40,7 +40,7 @@ def noisy(recording, size, seed):
 @pytest.mark.parametrize(
     "slug",
     [
-        pytest.param(slug, marks=[pytest.mark.long] if place % 4 else [])
+        pytest.param(slug, marks=[pytest.mark.long] if place % 8 else [])
         for place, slug in enumerate(sorted(catalogue()))
     ],
 )
@@ -87,7 +87,7 @@ def test_a_ring_between_a_few_samples_is_no_ringing_positioner():
     assert explanation.restated.S.value == pytest.approx(5.0, abs=0.3)
 
 
-@pytest.mark.parametrize("place", [1, 9])
+@pytest.mark.parametrize("place", [1, pytest.param(9, marks=pytest.mark.long)])
 def test_manual_steps_and_ramps_do_not_bias_S(place):
     """Nothing is hidden; breakaways under an operator's steps tell another S than every fit, by a
     third, and are not taken."""

@@ -153,6 +153,8 @@ class Chain:
 
     def settled(self, x: float) -> float:
         """Where a spring with inner friction holds the stem that would stand at ``x`` without."""
+        if self.H == 0.0:
+            return x
         reaches = [0.25 * self.way, 0.5 * self.way, self.way]
         self.anchors = self.anchors or [x, x, x]
         low, high = x - self.H, x + self.H

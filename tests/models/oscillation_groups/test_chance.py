@@ -21,8 +21,15 @@ def of_one(reference: np.ndarray) -> np.ndarray:
     return (reference / np.linalg.norm(reference))[:, None]
 
 
-@pytest.mark.parametrize("bins", [5, 12, 40])
-@pytest.mark.parametrize("width", [1.0, 4.0, 1e3])
+@pytest.mark.parametrize(
+    ("width", "bins"),
+    [
+        # Each width and each count of bins has its turn in the short run.
+        pytest.param(width, bins, marks=[] if k == n else [pytest.mark.long])
+        for k, width in enumerate((1.0, 4.0, 1e3))
+        for n, bins in enumerate((5, 12, 40))
+    ],
+)
 def test_the_chance_of_unrelated_spectra_is_no_larger_than_said(bins: int, width: float) -> None:
     """Of 2,000 unrelated pairs hardly more than a share p have a chance of p or less, whether they
     are lines or broad. Four standard errors of the count are allowed."""

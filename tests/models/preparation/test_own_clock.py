@@ -111,13 +111,8 @@ def test_a_screening_does_not_depend_on_how_long_a_second_is(slug, factor):
         close(other.indicators[name].value, factor**power * indicator.value)
 
 
-@pytest.mark.parametrize(
-    "factor",
-    [
-        factor if factor == SLOW else pytest.param(factor, marks=pytest.mark.long)
-        for factor in FACTORS
-    ],
-)
+@pytest.mark.long
+@pytest.mark.parametrize("factor", FACTORS)
 def test_an_explanation_does_not_depend_on_how_long_a_second_is(factor):
     """``explain`` on its own, as ``screen``."""
     same_but_for_time(explained("dead_time", factor), explained("dead_time", 1.0), factor)

@@ -160,7 +160,11 @@ def test_no_position_still_says_something():
 
 
 @pytest.mark.parametrize(
-    ("S", "J", "verdict"), [(5.0, 2.0, Verdict.STICKY), (0.3, 0.0, Verdict.HEALTHY)]
+    ("S", "J", "verdict"),
+    [
+        (5.0, 2.0, Verdict.STICKY),
+        pytest.param(0.3, 0.0, Verdict.HEALTHY, marks=pytest.mark.long),
+    ],
 )
 def test_a_reversed_position_is_read_the_right_way_round(S, J, verdict):
     """A position that counts the other way gives the verdict of one that does not."""
@@ -172,7 +176,7 @@ def test_a_reversed_position_is_read_the_right_way_round(S, J, verdict):
 
 
 @pytest.mark.parametrize(
-    "seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2)), 3]
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2, 3))]
 )
 def test_slow_healthy_valves_are_never_called_sticky(seed):
     """Lags and dead times of seconds, without friction to speak of, are never called sticky."""

@@ -84,7 +84,9 @@ def test_a_few_steps_or_none_are_no_ground():
     assert not op_is_set_in_steps(recorded(smooth, lagged(smooth)))
 
 
-@pytest.mark.parametrize("step", [2.0, 5.0, 10.0])
+@pytest.mark.parametrize(
+    "step", [5.0, *(pytest.param(step, marks=pytest.mark.long) for step in (2.0, 10.0))]
+)
 def test_a_healthy_valve_in_a_stroke_test_is_not_called_sticky(step):
     """Steps that go past any level at which a stem lets go do not show that level: with steps of
     5 or 10 % S may stay open, but a stem that settles on its command is not said to stick."""

@@ -17,7 +17,7 @@ import pytest
 from stemwatch.service.live_demo.loops import WEARING, live_loops
 from tests.service.live_demo.running_demo import Started
 
-pytestmark = [pytest.mark.browser, pytest.mark.long]
+pytestmark = [pytest.mark.browser, pytest.mark.long, pytest.mark.early]
 
 DESK = {"width": 1280, "height": 900}
 PHONE = {"width": 390, "height": 844}

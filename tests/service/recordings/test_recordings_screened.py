@@ -16,8 +16,8 @@ import pytest
 
 pytestmark = [pytest.mark.recordings, pytest.mark.early]
 
-QUICK = ("damadics", "uolab", "emps", "cascaded_tanks", "historian_faults")
-LARGE = ("refinery", "isdb")
+QUICK = ("uolab", "emps", "cascaded_tanks", "historian_faults")
+LARGE = ("damadics", "refinery", "isdb")
 FOLDERS = [*QUICK, *(pytest.param(folder, marks=pytest.mark.long) for folder in LARGE)]
 Valves = list[dict[str, Any]]
 Screened = Callable[..., tuple[Any, Valves]]

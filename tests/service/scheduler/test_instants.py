@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 from zoneinfo import ZoneInfo
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stemwatch.service.config.cron import CronTimes
@@ -128,6 +128,7 @@ def test_what_was_missed_is_counted() -> None:
     assert due_between(hourly, NOON, NOON + 100 * DAY, BERLIN).at_least
 
 
+@settings(max_examples=25)
 @given(st.text(min_size=1), st.floats(0, 86400), st.integers(0, 10**6))
 def test_jitter_is_bounded_and_the_same_for_all(name: str, most_s: float, minute: int) -> None:
     """Two processes hold a run back by the same time, from nothing to what was asked."""

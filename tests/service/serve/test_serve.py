@@ -106,6 +106,7 @@ def test_it_serves_works_and_stops_in_order(csv_site: Site) -> None:
     assert "Traceback" not in csv_site.log()
 
 
+@pytest.mark.long
 def test_run_now_works_without_a_service(csv_site: Site) -> None:
     """Where no service runs the command does the run itself, report and all."""
     result = csv_site.start("run-now")

@@ -115,6 +115,7 @@ def test_idle_connections_stop_neither_pages_nor_runs(csv_site: Site) -> None:
 
 
 @pytest.mark.long
+@pytest.mark.study
 def test_idle_connections_stop_nothing_for_minutes(csv_site: Site) -> None:
     """The same at the descriptors that Linux gives a process, with run after run."""
     under_siege(csv_site, descriptors=1024, connections=1100, runs=6, seconds=120)

@@ -179,7 +179,15 @@ def test_the_text_keeps_the_records_interval() -> None:
     assert np.max(np.abs(run(chain, op, position_start=command[0]) - expected)) < NEAR
 
 
-@pytest.mark.parametrize("name", ['FIC"1\\\n"; end x;', "FIC\x00\x1b[31m\ud800", "end", "Real"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        'FIC"1\\\n"; end x;',
+        pytest.param("FIC\x00\x1b[31m\ud800", marks=pytest.mark.long),
+        pytest.param("end", marks=pytest.mark.long),
+        "Real",
+    ],
+)
 def test_a_name_cannot_break_the_text(name: str) -> None:
     """Quotation marks, backslashes, ends of lines and control signs in a tag stay within the
     description or are left out; a word of Modelica is no identifier."""

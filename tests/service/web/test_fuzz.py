@@ -30,7 +30,7 @@ words = st.one_of(
 )
 printable = words.filter(str.isprintable)
 MANY = settings(
-    max_examples=30,
+    max_examples=15,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )

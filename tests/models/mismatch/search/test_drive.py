@@ -43,7 +43,8 @@ def test_the_same_drive_has_the_same_names_at_every_gain(S, lag_s, load):
 
 
 @pytest.mark.parametrize(
-    ("S", "lag_s", "run_up_s", "load"), [(0.2, 0.018, 0.1, 0.5), (0.3, 0.02, 0.12, 1.0)]
+    ("S", "lag_s", "run_up_s", "load"),
+    [(0.2, 0.018, 0.1, 0.5), pytest.param(0.3, 0.02, 0.12, 1.0, marks=pytest.mark.long)],
 )
 def test_a_motor_that_is_hardly_damped_is_a_drive_and_no_ringing_positioner(
     S, lag_s, run_up_s, load

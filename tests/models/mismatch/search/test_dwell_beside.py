@@ -25,6 +25,7 @@ def hidden(place, seed):
     return case, run, explain(run.recording)
 
 
+@pytest.mark.long
 def test_dwell_beside_a_positioner_that_overshoots() -> None:
     """Both are named, and S is that of a stem that has not rested."""
     case, run, mismatch = hidden(37, 4061)

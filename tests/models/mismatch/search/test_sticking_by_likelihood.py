@@ -62,7 +62,7 @@ def test_a_stem_that_slides_on_is_no_such_stem(noise) -> None:
     assert sticking_by_likelihood(named) is named
 
 
-@pytest.mark.parametrize("place", [0, 1])
+@pytest.mark.parametrize("place", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_a_stem_that_is_shaken_is_no_such_stem(place) -> None:
     """Its readings lie about the stem by more than their noise, or the gain is that of few
     blocks."""

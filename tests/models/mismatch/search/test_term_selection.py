@@ -112,7 +112,9 @@ def test_the_scores_of_a_round_are_of_all_terms_best_first():
     "terms",
     [
         {"dead_time": 3.0, "lost_motion": 0.8},
-        {"rate_limit": 1 / 1.5, "sensor_drift": (3.0, 0.0, 0.0, 0.0)},
+        pytest.param(
+            {"rate_limit": 1 / 1.5, "sensor_drift": (3.0, 0.0, 0.0, 0.0)}, marks=pytest.mark.long
+        ),
     ],
 )
 def test_two_effects_are_both_found(terms):

@@ -44,6 +44,17 @@ def test_migrations_and_models_agree(store_url: str) -> None:
     ]
 
 
+def test_a_store_that_is_up_to_date_is_opened_without_migrating(
+    store_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its schema is the newest: Alembic, which takes longer than opening, is not asked."""
+    open_store(store_url).close()
+    monkeypatch.setattr(
+        "alembic.command.upgrade", lambda *_, **__: pytest.fail("migrated once more")
+    )
+    open_store(store_url).close()
+
+
 def test_downgrade_to_base_and_up_again(store_url: str) -> None:
     """Every migration can be undone and done again, leaving nothing behind and nothing out."""
     open_store(store_url).close()

@@ -39,10 +39,8 @@ NewDatabase = Callable[[str], str]
 ENGINES = ["sqlite", pytest.param("postgresql", marks=pytest.mark.postgres)]
 WAYS = [
     pytest.param("sqlite", "sqlite", marks=pytest.mark.long),
-    *(
-        pytest.param(*way, marks=pytest.mark.postgres)
-        for way in (("sqlite", "postgresql"), ("postgresql", "sqlite"))
-    ),
+    pytest.param("sqlite", "postgresql", marks=pytest.mark.postgres),
+    pytest.param("postgresql", "sqlite", marks=[pytest.mark.postgres, pytest.mark.long]),
     pytest.param("postgresql", "postgresql", marks=[pytest.mark.postgres, pytest.mark.long]),
 ]
 

@@ -120,6 +120,7 @@ def expected(name: str, current_user: CurrentUser | None, *, is_form: bool) -> s
 IN_LONG = {
     (UserRole.VIEWER, "token"),
     (UserRole.ENGINEER, "session"),
+    (UserRole.ADMIN, "session"),
     (UserRole.ADMIN, "token"),
     (UserRole.ENGINEER, "nobody"),
     (UserRole.ADMIN, "nobody"),
