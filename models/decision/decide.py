@@ -108,6 +108,10 @@ class DecisionEvidence:
     leads_s: float = 0.0  # by which the position moves first, where it may be OP itself
     takes_s: float = 0.0  # true seconds of an actuator that ``slow`` tells of, else 0
     without_lag: float = 0.0  # percent: S where a lag was fitted and is left out, else 0
+    rests: bool = False  # the archive shows a dead band, which no actuator without friction has
+    # percent: S of friction alone, where OP may shake it loose between its samples so that it looks
+    # like the slow actuator that was found; else 0
+    shaken: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -437,6 +441,18 @@ def _moved_otherwise(evidence: DecisionEvidence, limits: Limits) -> Decision | N
     return None
 
 
+def _shaken_loose(evidence: DecisionEvidence) -> Decision:
+    """No verdict where friction and a slow actuator look alike from sample to sample."""
+    return _cannot_tell(
+        "the stem follows OP as behind an actuator that takes many seconds, which few are built "
+        f"to, and so does one with an S of {_percent(evidence.shaken)} that OP shakes loose "
+        "between two samples of the archive",
+        f"{SLOW_OR_STICKING} {FASTER}",
+        NoVerdict.SLOW_ACTUATOR,
+        numbers_hold=False,
+    )
+
+
 def _hunts(swings: OwnSwing, unit_s: float) -> Decision:
     """No verdict on a stem that does not stick, and does not stand where its command stands."""
     return _cannot_tell(
@@ -516,7 +532,7 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
     if unexplained is not None:
         return _not_described(unexplained, evidence.sampling)
     fits_better = evidence.friction_mean >= FRICTION_MEAN and evidence.friction_t >= FRICTION_T
-    friction = fits_better or evidence.jumps_evident
+    friction = fits_better or evidence.jumps_evident or evidence.rests
     bound = evidence.S.at_least
     if bound is not None:
         return _by_bound(evidence, bound, limits, friction=friction)
@@ -525,6 +541,8 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
         return _cannot_tell(evidence.S.reason or "S is not known", "Record more movement.")
     if low >= limits.sticky_S_percent:
         return _large_S(evidence, limits, friction=friction)
+    if evidence.shaken >= limits.sticky_S_percent:
+        return _shaken_loose(evidence)
     if S >= limits.watch_S_percent:
         return _some_friction(evidence, low, high, limits)
     if _moved_away(evidence, limits):

@@ -18,6 +18,14 @@ from stemwatch.models.closed_loop.what_if import REPAIRED, predict
 from stemwatch.models.decision import residual
 from stemwatch.models.decision.beside_friction import actuator_takes_s, beside_friction
 from stemwatch.models.decision.decide import Decision, DecisionEvidence, decide, undetermined
+from stemwatch.models.decision.shaken_loose import (
+    LIKE_A_SHAKEN_BAND,
+    RESTS,
+    dead_bands_of,
+    is_sure,
+    may_be_shaken,
+    without_slow_actuator,
+)
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.health_indicators import indicators
 from stemwatch.models.limits import Limits
@@ -47,6 +55,7 @@ from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
 from stemwatch.models.screening.networks import network_start, train_each
 from stemwatch.models.screening.prepared_command import prepare_command
 from stemwatch.models.screening_result import Indicator, Residual, Screening, Traces
+from stemwatch.models.signals.dead_band import DeadBand
 from stemwatch.models.signals.oscillation import signal_oscillation
 from stemwatch.models.signals.position_histograms import position_histograms
 from stemwatch.models.stickslip.change_of_stiction import ChangeOfStiction, change_of_stiction
@@ -103,6 +112,10 @@ SLOW_ACTUATOR = (
     "Friction behind a slow actuator follows the part of the recording that was not fitted far "
     "better than friction with other physics: nothing else is named."
 )
+SHAKEN_LOOSE = (
+    "A slow actuator was found, or friction that OP shakes loose between two samples: the "
+    "recording cannot tell, and nothing is named."
+)
 PERHAPS_EXCHANGED = (
     "The position moves {} before OP, so that OP may be the position and the position OP: what S "
     "and J leave out is not asked."
@@ -132,6 +145,7 @@ class _Fitted:
     fit: StickSlipFit | None = None
     sample: StickSlipSample | None = None
     archive: Archive | None = None
+    dead_bands: tuple[DeadBand, ...] = ()  # of a slow archive, see ``decision.shaken_loose``
     seconds: float = 0.0
 
 
@@ -220,9 +234,13 @@ def _fit_part(assessed: _Fitted, limits: Limits) -> _Fitted:
     if command.obstacles:
         return prepared
     alone = fit_stickslip(command.commanded, command.unsure_degree, command.first_look)
-    fit, archive = as_sampled(alone, command.commanded)
+    sampled, archive = as_sampled(alone, command.commanded)
+    # A report by exception rests as well.
+    reports = archive is not None and archive.deviation > 0.0
+    bands = () if reports else dead_bands_of(sampled)
+    fit = without_slow_actuator(sampled, bands)
     sample = bootstrap(fit, peaks_kept=archive is None)
-    return replace(prepared, fit=fit, sample=sample, archive=archive)
+    return replace(prepared, fit=fit, sample=sample, archive=archive, dead_bands=bands)
 
 
 def _to_fit(
@@ -298,13 +316,12 @@ def _explained(fitted: _Fitted, network: NarxFit | None) -> Mismatch:
         look_within_steps=fitted.within_steps,
         restore=fitted.archive is not None,
         archive=fitted.archive,
+        refused=dict.fromkeys(LIKE_A_SHAKEN_BAND, RESTS) if is_sure(fitted.dead_bands) else {},
     )
     archived = fitted.archive is not None
     if archived or fitted.fit is None or not residual.slow_actuator_is_enough(fitted.fit, found):
         return found
-    return Mismatch.unknown(
-        SLOW_ACTUATOR, record_effects=found.record_effects, seconds=found.seconds
-    )
+    return _not_named(found, SLOW_ACTUATOR)
 
 
 def _with_repair(screening: Screening, fitted: _Fitted) -> Screening:
@@ -480,7 +497,6 @@ def _with_verdict(
         "baseline": compared.residual,
     }
     events = fit.events
-    cycle = signal_oscillation(fitted.recording.op, fitted.recording.interval_s)
     evidence = DecisionEvidence(
         S=S,
         J=J,
@@ -496,7 +512,7 @@ def _with_verdict(
         slow=beside_friction(fit, mismatch),
         baseline=compared.residual,
         baseline_ratio=compared.ratio,
-        cycling_s=cycle.period_s if cycle is not None and cycle.regular else None,
+        cycling_s=_cycling_s(fitted.recording),
         both_in=range_of_both(fitted.case.recording),
         op_in=range_of_op(fitted.case.recording),
         sampling=fitted.archive.reason if fitted.archive is not None else "",
@@ -508,19 +524,20 @@ def _with_verdict(
         changed=_changed(fitted, fit, mismatch),
         leads_s=fitted.late_s if fitted.perhaps_exchanged else 0.0,
         takes_s=actuator_takes_s(fit, mismatch),
-        without_lag=_without_lag(fitted, fit),
+        without_lag=_S_alone(fitted, fit) if fit.hypothesis == "both" else 0.0,
+        rests=is_sure(fitted.dead_bands),
+        shaken=_shaken(fitted, fit, mismatch),
     )
     judgement = decide(evidence, limits)
     if not judgement.numbers_hold:
         S = J = Estimate.unknown(judgement.reason, unit=PERCENT)
-    if mismatch is not None:  # one S and one J of a valve and window, wherever they are shown
-        mismatch = replace(mismatch, restated=Stiction(S=S, J=J))
+    sticks = judgement.verdict is Verdict.STICKY
+    may_be_S = evidence.shaken >= limits.sticky_S_percent and not sticks
+    mismatch = _as_shown(mismatch, S, J, may_be_S=may_be_S)
     numbers = [
         *indicators.of_recording(fitted.assessment.recording),
         *_movement(fitted, fit, events),
-        *indicators.of_friction(
-            fit, S, J, 1.0 if fitted.curve is None else 1.0 / abs(fitted.curve.slope)
-        ),
+        *indicators.of_friction(fit, S, J, _op_per_travel(fitted)),
         *indicators.of_residuals(residuals, compared.ratio),
     ]
     screening = _screening(fitted, judgement, S, J, residuals, numbers)
@@ -534,12 +551,42 @@ def _with_verdict(
     )
 
 
-def _without_lag(fitted: _Fitted, fit: StickSlipFit) -> float:
-    """S of S and J alone, percent of OP, where a lag was fitted as well; else 0."""
-    if fit.hypothesis != "both":
-        return 0.0
-    S = S_and_J(fit.naive)[0]
-    return S if fitted.curve is None else S / abs(fitted.curve.slope)
+def _cycling_s(recording: Recording) -> float | None:
+    """The period of OP's regular oscillation, on the record's own clock."""
+    cycle = signal_oscillation(recording.op, recording.interval_s)
+    return cycle.period_s if cycle is not None and cycle.regular else None
+
+
+def _op_per_travel(fitted: _Fitted) -> float:
+    """Percent of OP for a percent of travel."""
+    return 1.0 if fitted.curve is None else 1.0 / abs(fitted.curve.slope)
+
+
+def _S_alone(fitted: _Fitted, fit: StickSlipFit) -> float:
+    """S of S and J alone, percent of OP."""
+    return S_and_J(fit.naive)[0] * _op_per_travel(fitted)
+
+
+def _shaken(fitted: _Fitted, fit: StickSlipFit, mismatch: Mismatch | None) -> float:
+    """S of friction that may be shaken loose between samples, percent of OP; else 0."""
+    may_be = may_be_shaken(fit, mismatch, fitted.dead_bands, S_and_J(fit.naive)[0])
+    return _S_alone(fitted, fit) if may_be else 0.0
+
+
+def _as_shown(
+    mismatch: Mismatch | None, S: Estimate, J: Estimate, *, may_be_S: bool
+) -> Mismatch | None:
+    """``mismatch`` with the one S and J of a valve and window, wherever they are shown, and without
+    the slow actuator that ``may_be_S``."""
+    if mismatch is None:
+        return None
+    shown = _not_named(mismatch, SHAKEN_LOOSE) if may_be_S else mismatch
+    return replace(shown, restated=Stiction(S=S, J=J))
+
+
+def _not_named(found: Mismatch, reason: str) -> Mismatch:
+    """``found`` without what it named, and why."""
+    return Mismatch.unknown(reason, record_effects=found.record_effects, seconds=found.seconds)
 
 
 def _changed(

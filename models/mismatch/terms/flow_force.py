@@ -17,12 +17,22 @@ from stemwatch.models.field_advice import FORCE_ON_ACTUATOR, FieldAdvice, FieldT
 from stemwatch.models.mismatch.stem_model import stem as stem_number
 from stemwatch.models.mismatch.stem_model.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._common import StemTerm, about_value, either_sign, number, size
+from stemwatch.models.mismatch.terms._common import (
+    CALIBRATE_FROM_PERCENT,
+    StemTerm,
+    about_value,
+    either_sign,
+    number,
+    size,
+)
 from stemwatch.models.recording import Floats
 
 # Change of the force over the travel seen, percent of span: what it moves the stem by counts as an
 # error of the reading does.
 MATERIAL_PERCENT = 0.3
+# Flow pushes on every plug; by less than this, percent of span, it moves the stem no further than
+# the errors of a reading that a stroke check lets pass.
+WORK_FROM_PERCENT = CALIBRATE_FROM_PERCENT
 # The force of a real plug is largest near mid-travel, not at it: it differs from this shape by a
 # line and a bow. So much of either may be its own, in shares of U: the slope over the whole stroke,
 # and the height of the bow. Of 14 simulated valves on which a line or a bow was named beside a
@@ -69,6 +79,10 @@ class FlowForce(StemTerm):
             ),
             **FORCE_ON_ACTUATOR,
         ),
+        no_work=(
+            f"less than {WORK_FROM_PERCENT:g} % of span: flow pushes on every plug, and the "
+            "controller makes up for that"
+        ),
     )
 
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
@@ -90,6 +104,10 @@ class FlowForce(StemTerm):
         """The force changes by so much over the travel that was seen."""
         seen = _shape(np.linspace(summary.mv_low, summary.mv_high, 21))
         return bool(abs(values[0]) * (seen.max() - seen.min()) >= MATERIAL_PERCENT)
+
+    def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
+        """So little that any plug has it."""
+        return bool(abs(values[0]) < WORK_FROM_PERCENT)
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """The force, positive where the middle of travel is pushed down."""

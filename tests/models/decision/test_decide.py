@@ -300,3 +300,21 @@ def test_a_lag_in_the_place_of_friction_must_follow_the_stem(without_lag, rmse, 
         assert decision.no_verdict is NoVerdict.SLOW_ACTUATOR
         assert not decision.numbers_hold
         assert "S of 4.8 %" in decision.reason
+
+
+def test_friction_that_looks_like_a_slow_actuator_is_neither_healthy_nor_watch():
+    """Where OP may shake a sticking stem loose between its samples, there is no verdict unless S
+    alone is sure."""
+    for S in (0.1, 1.0):
+        decision = decide(evidence(S, 0.1, shaken=2.0), LIMITS)
+        assert decision.no_verdict is NoVerdict.SLOW_ACTUATOR
+        assert not decision.numbers_hold
+        assert "S of 2.0 %" in decision.reason
+        assert decide(evidence(S, 0.1, shaken=1.4), LIMITS).verdict is not Verdict.UNDETERMINED
+    assert decide(evidence(5.0, 0.1, shaken=5.0), LIMITS).verdict is Verdict.STICKY
+
+
+def test_a_stem_that_rests_in_a_dead_band_has_friction():
+    """A dead band that the archive shows decides where a slow actuator fits as well."""
+    assert decide(evidence(5.0, **NO_FRICTION), LIMITS).verdict is Verdict.UNDETERMINED
+    assert decide(evidence(5.0, rests=True, **NO_FRICTION), LIMITS).verdict is Verdict.STICKY

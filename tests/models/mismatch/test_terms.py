@@ -101,6 +101,7 @@ AS_BUILT = [
     ("asymmetric_rate_limit", [1 / 15.0, 1 / 2.8]),
     ("bowed_linkage", [1.9]),
     ("dead_time", [0.97]),
+    ("flow_force", [1.9]),
     ("load_by_position", [20.0, 0.0, -3.0]),
     ("motor_drive", [20.0, 3.0, 0.0]),
     ("rate_limit", [1 / 3.2]),
@@ -117,6 +118,7 @@ DEFECTS = [
     ("bowed_linkage", [-2.1]),
     ("spring_hysteresis", [1.0, 8.0]),
     ("dead_time", [1.6]),
+    ("flow_force", [-2.1]),
     ("rate_limit", [1 / 1.5]),
     ("span_error", [-0.041]),
     ("viscous_drag", [1.7]),
@@ -403,7 +405,7 @@ def test_the_expected_time_of_a_speed_limit_is_that_of_the_step():
 @everywhere
 def test_inherent_sizes_are_separated_from_defects(slug: str):
     """A motor's lag, a load, a valve as slow as large ones are allowed to be, and a reading that is
-    off by less than a stroke check finds fault with; nothing else."""
+    off, or a plug that flow pushes, by less than a stroke check finds fault with; nothing else."""
     term = CATALOGUE[slug]
     for name, values in AS_BUILT:
         assert name != slug or term.inherent(np.array(values), LOOK)

@@ -1,0 +1,114 @@
+"""Friction on a slow archive, and the slow actuator that it looks like."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import stemwatch
+from stemwatch.models.decision.shaken_loose import (
+    dead_bands_of,
+    is_sure,
+    may_be_shaken,
+    without_slow_actuator,
+)
+from stemwatch.models.recording import Floats, Recording
+from stemwatch.models.screening.screen import Case, Options, screen
+from stemwatch.models.signals.dead_band import DeadBand
+from stemwatch.models.stickslip import parameters as coordinate
+from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
+from stemwatch.models.verdict import NoVerdict
+
+EVERY = 10  # seconds that the archive keeps a sample of
+SURE = DeadBand(percent=2.0, gain=0.6, inside=0.1, t=5.0)
+
+
+def noisy_command() -> Floats:
+    """Percent each second for six hours: a slow wander with a controller's noise of 0.6 % on it."""
+    rng = np.random.default_rng(4090)
+    slow = np.empty(6 * 3600)
+    level = 0.0
+    for k in range(slow.size):
+        level += -level / 200.0 + 0.25 * rng.standard_normal()
+        slow[k] = level
+    return 50.0 + 1.5 * slow + 0.6 * rng.standard_normal(slow.size)
+
+
+@pytest.fixture(scope="module")
+def shaken() -> Recording:
+    """A stem with an S of 4 % that jumps nowhere; noise of OP moves it each few seconds."""
+    op = noisy_command()
+    stem, mv = op[0], np.empty_like(op)
+    for k, now in enumerate(op):
+        stem = min(max(stem, now - 2.0), now + 2.0)
+        mv[k] = stem
+    mv += 0.05 * np.random.default_rng(7).standard_normal(op.size)
+    return stemwatch.read(op=op[::EVERY], mv=mv[::EVERY], interval_s=float(EVERY), valve="FIC-1")
+
+
+@pytest.fixture(scope="module")
+def fit(shaken: Recording) -> StickSlipFit:
+    return fit_stickslip(shaken)
+
+
+def with_lag(fit: StickSlipFit, seconds: float) -> StickSlipFit:
+    """``fit`` with friction behind a lag of so many true seconds."""
+    candidate = fit.candidate.copy()
+    lag = seconds / fit.evaluator.problem.unit_s
+    candidate[[coordinate.LAG_UP_S, coordinate.LAG_DOWN_S]] = lag
+    return replace(fit, hypothesis="both", candidate=candidate)
+
+
+def test_a_sticking_stem_that_is_shaken_loose_is_no_slow_actuator(shaken):
+    """It was *watch* with an S of 1.0 % behind a lag of many seconds."""
+    (found,) = screen([Case(recording=shaken)], Options(narx=False))
+    assert found.no_verdict is NoVerdict.SLOW_ACTUATOR
+    assert found.S.value is None
+    assert found.mismatch is not None
+    assert found.mismatch.effects == ()
+
+
+@pytest.mark.parametrize(
+    ("band", "sure"),
+    [
+        (SURE, True),
+        (replace(SURE, t=2.4), False),
+        (replace(SURE, inside=0.25), False),
+        (replace(SURE, inside=-0.25), False),
+    ],
+)
+def test_a_band_is_sure_where_the_stem_follows_outside_alone(band, sure):
+    """It must be likely, and the stem must follow beyond it far closer than within."""
+    assert is_sure((band,)) is sure
+    assert not is_sure(())
+
+
+def test_only_what_is_slower_than_built_gives_way_to_a_dead_band(fit):
+    """Beside a sure band a lag of 12 s goes and one of 5 s stays; without a band both stay."""
+    slow, usual = with_lag(fit, 12.0), with_lag(fit, 5.0)
+    alone = without_slow_actuator(slow, (SURE,))
+    assert alone.hypothesis == "sticking"
+    np.testing.assert_array_equal(alone.candidate, fit.naive)
+    assert without_slow_actuator(usual, (SURE,)) is usual
+    assert without_slow_actuator(slow, ()) is slow
+
+
+def test_noise_must_be_able_to_shake_the_stem_loose(fit):
+    """Six standard deviations of OP's scatter of 0.6 % reach half of an S of 5 %, and not of 20 %;
+    a band that is likely leaves the doubt all the same."""
+    slow = with_lag(fit, 12.0)
+    assert may_be_shaken(slow, None, (), 5.0)
+    assert not may_be_shaken(slow, None, (), 20.0)
+    assert may_be_shaken(slow, None, (SURE,), 20.0)
+    assert not may_be_shaken(with_lag(fit, 5.0), None, (SURE,), 5.0)
+
+
+def test_a_quick_archive_is_left_to_the_fits(fit):
+    """With a sample every second nothing is asked and nothing doubted."""
+    problem = replace(fit.evaluator.problem, unit_s=1.0, interval_s=1.0)
+    quick = replace(with_lag(fit, 60.0), evaluator=replace(fit.evaluator, problem=problem))
+    assert dead_bands_of(fit)
+    assert dead_bands_of(quick) == ()
+    assert not may_be_shaken(quick, None, (SURE,), 5.0)
