@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stemwatch.models.health_indicators.response_figures import OF_FIT
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.open_question import SLOW, OpenQuestion
 from stemwatch.models.mismatch.terms.bowed_linkage import TO_HEIGHT
 from stemwatch.models.preparation.own_clock import seconds_of

@@ -16,7 +16,7 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.base_fit import base_bounds
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.evaluator import (

@@ -31,7 +31,7 @@ import numpy as np
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_test.rival_runs import RivalRuns
 from stemwatch.models.mismatch.findings import Effect, Mismatch
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
 from stemwatch.models.recording import Floats
 from stemwatch.models.screening_result import Screening

@@ -41,7 +41,7 @@ from stemwatch.models.mismatch.findings import (
     Stiction,
     Untestable,
 )
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.base_fit import (
     fit_naive,
     naive_evaluator,

@@ -15,7 +15,7 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Stiction
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.crossfit import Fitted, gain
 from stemwatch.models.mismatch.fit.evaluator import Evaluator
 from stemwatch.models.mismatch.fit.uncertainty import estimate

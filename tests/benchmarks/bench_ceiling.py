@@ -22,7 +22,7 @@ from stemwatch.models.mismatch.acceptance.accepted_hypothesis import named_effec
 from stemwatch.models.mismatch.acceptance_limits import NEAR, strength
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Mismatch
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.base_fit import BaseFit
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import (

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stemwatch.models.mismatch.findings import FreeRuns, HeldOutFit
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
+from stemwatch.models.mismatch.fit.base_coordinate import S_and_J
 from stemwatch.models.mismatch.fit.base_fit import (
     AGAIN,
     CLEARLY,
@@ -23,7 +24,7 @@ from stemwatch.models.mismatch.fit.base_fit import (
 )
 from stemwatch.models.mismatch.fit.batched_search import Search, conclude
 from stemwatch.models.mismatch.fit.crossfit import CAREFUL, Fitted, folds, on_both, search, widened
-from stemwatch.models.mismatch.fit.evaluator import CoordinateLayout, Evaluator, S_and_J, TermSet
+from stemwatch.models.mismatch.fit.evaluator import CoordinateLayout, Evaluator, TermSet
 from stemwatch.models.mismatch.fit.starting_points import beginnings
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Bools, Floats

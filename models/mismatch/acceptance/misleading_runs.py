@@ -13,8 +13,9 @@ from __future__ import annotations
 import numpy as np
 
 from stemwatch.models.mismatch.acceptance.nothing_left_out import likelihood_explains
+from stemwatch.models.mismatch.fit.base_coordinate import N_BASE
 from stemwatch.models.mismatch.fit.crossfit import Fitted
-from stemwatch.models.mismatch.fit.evaluator import N_BASE, Evaluator, TermSet
+from stemwatch.models.mismatch.fit.evaluator import Evaluator, TermSet
 from stemwatch.models.mismatch.likelihood.maximum_likelihood import Likeliest, RecordLikelihood
 from stemwatch.models.mismatch.search.named_by_likelihood import (
     evidence_of,

@@ -22,10 +22,11 @@ from stemwatch.models.mismatch.acceptance_limits import (
     worst_blocks,
 )
 from stemwatch.models.mismatch.findings import Stiction
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
+from stemwatch.models.mismatch.fit.base_coordinate import S_and_J
 from stemwatch.models.mismatch.fit.base_fit import naive_evaluator, naive_layout
 from stemwatch.models.mismatch.fit.crossfit import Fitted
-from stemwatch.models.mismatch.fit.evaluator import Evaluator, S_and_J
+from stemwatch.models.mismatch.fit.evaluator import Evaluator
 from stemwatch.models.mismatch.likelihood.maximum_likelihood import SCATTERS, RecordLikelihood
 from stemwatch.models.mismatch.search.named_by_likelihood import (
     WIDEST,

@@ -11,8 +11,9 @@ import numpy as np
 
 from stemwatch.models.closed_loop.process_response import process_response
 from stemwatch.models.mismatch.acceptance_limits import NEAR, strength
+from stemwatch.models.mismatch.fit.base_coordinate import N_BASE
 from stemwatch.models.mismatch.fit.crossfit import Fitted
-from stemwatch.models.mismatch.fit.evaluator import N_BASE, Evaluator
+from stemwatch.models.mismatch.fit.evaluator import Evaluator
 from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
 from stemwatch.models.mismatch.search.term_selection import Named, TermScore
 from stemwatch.models.recording import Floats, Recording

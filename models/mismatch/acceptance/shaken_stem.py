@@ -23,9 +23,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stemwatch.models.mismatch.fit.base_coordinate import RATIO, S_PERCENT
 from stemwatch.models.mismatch.fit.base_fit import naive_evaluator
 from stemwatch.models.mismatch.fit.crossfit import Fitted
-from stemwatch.models.mismatch.fit.evaluator import RATIO, S_PERCENT, Evaluator
+from stemwatch.models.mismatch.fit.evaluator import Evaluator
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.onsets import Samples
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.batched_search import Search, conclude
 from stemwatch.models.mismatch.fit.crossfit import (
     CAREFUL,
@@ -39,6 +39,9 @@ WIDTHS = 16
 RESTICKS = (0.0, 0.05, 0.4)  # percent per second
 # A stem that slips beyond its command rests there until the command has come past it again.
 BEYOND_COMMAND = (0.85, 1.15, 1.4)  # J/S
+# A command is sampled somewhere between two scans; more than this is a dead time.
+WITHIN_SAMPLE = 0.6
+FIRST_SCATTER = 0.08  # of the level (S + J)/2
 ZERO_REACH = 8.0  # percent either way
 HELD = 0.3  # percent
 GAIN_REACH = (-0.25, 0.3)
@@ -79,7 +82,7 @@ def base_bounds(
     part of that characteristic and held.
     """
     reach = max(1.2 * summary.swing, 2.0)
-    late = base_coordinate.WITHIN_SAMPLE * problem.interval_s
+    late = WITHIN_SAMPLE * problem.interval_s
     low = [0.0, 0.0, -ZERO_REACH, GAIN_REACH[0], 0.0, 0.0]
     high = [reach, 1.5, ZERO_REACH, GAIN_REACH[1], late, RESTICK_REACH]
     if not own_reading:
@@ -156,14 +159,14 @@ def first_scatter(summary: RecordingSummary) -> float:
     """Scatter of the breakaway level before the stem has been fitted, percent: a share of the stick
     band, which is taken as a third of OP's swing.
     """
-    return base_coordinate.FIRST_SCATTER * max(summary.swing / 6.0, 0.5)
+    return FIRST_SCATTER * max(summary.swing / 6.0, 0.5)
 
 
 def breakaway_scatter(early_late: Floats, level: float, sigma: float) -> float:
     """Standard deviation of the breakaway level, percent, from how far each one came from it."""
     seen = early_late[early_late != 0.0]
     if seen.size < FEWEST_BREAKAWAYS:
-        return max(base_coordinate.FIRST_SCATTER * level, sigma, LEAST_SCATTER)
+        return max(FIRST_SCATTER * level, sigma, LEAST_SCATTER)
     spread = 1.4826 * float(np.median(np.abs(seen)))
     low, high = SCATTER_REACH
     return max(min(max(spread, low * level), high * level), sigma, LEAST_SCATTER)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.batched_search import Search, run_together
 from stemwatch.models.mismatch.fit.evaluator import CoordinateLayout, Evaluator, RunRequest, TermSet
 from stemwatch.models.mismatch.fit.least_squares import descend

@@ -18,6 +18,15 @@ from typing import NamedTuple
 import numpy as np
 
 from stemwatch.models.compiled import compiled
+from stemwatch.models.mismatch.fit.base_coordinate import (
+    DELAY,
+    GAIN,
+    N_BASE,
+    RATIO,
+    RESTICK,
+    S_PERCENT,
+    ZERO,
+)
 from stemwatch.models.mismatch.fit.forces import Forces, Shaping
 from stemwatch.models.mismatch.stem_model import stem as stem_number
 from stemwatch.models.mismatch.stem_model.kernel import Record, Scoring, follow, used
@@ -32,17 +41,12 @@ from stemwatch.models.stickslip.parameters import Bounds
 from stemwatch.models.stickslip.problem import FitProblem
 from stemwatch.models.stickslip.search import Loss
 
-S_PERCENT, RATIO, ZERO, GAIN, DELAY, RESTICK = range(6)
-N_BASE = 6
-# A command is sampled somewhere between two scans; more than this is a dead time.
-WITHIN_SAMPLE = 0.6
 DEAD_TIME = "dead_time"
 DRIVE, LOAD = "motor_drive", "load_by_position"  # these limit the base's own coordinates
 LATE_DRIVE = 8.0  # samples by which a bus and a controller may delay a command
 # How far from its level a breakaway may come, a share: three times a normal scatter and more.
 WINDOW = 0.35
 EVENT_OF_DRAWN = 0.7  # weight of a breakaway, in samples, where most of these are interpolated
-FIRST_SCATTER = 0.08  # of the level (S + J)/2
 _NOTHING = np.empty((0, 0))
 
 
@@ -60,12 +64,6 @@ def batches(counts: Sequence[int]) -> Iterator[list[tuple[int, slice]]]:
             for batch_number, (first, last) in enumerate(pairwise(ends))
             if first < end and begin < last
         ]
-
-
-def S_and_J(candidate: Floats) -> tuple[float, float]:
-    """S and J of a candidate (size,), percent of travel."""
-    S = float(candidate[S_PERCENT])
-    return S, S * float(candidate[RATIO])
 
 
 @compiled()

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stemwatch.models.compiled import compiled
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.batched_search import Search
 from stemwatch.models.mismatch.fit.evaluator import (
     CoordinateLayout,

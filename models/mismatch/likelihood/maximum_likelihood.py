@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.likelihood.breakaway_filter import GIVEN_UP, log_likelihoods
 from stemwatch.models.mismatch.stem_model.kernel import Record

@@ -37,7 +37,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from stemwatch.models.compiled import compiled
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import CAREFUL, Fitted, refit, scored
 from stemwatch.models.mismatch.fit.evaluator import Evaluator

@@ -15,7 +15,7 @@ from itertools import product
 import numpy as np
 
 from stemwatch.models.mismatch.acceptance_limits import MEAN, convincing
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.base_fit import BaseFit, breakaway_scatter, scale
 from stemwatch.models.mismatch.fit.batched_search import Search, conclude
 from stemwatch.models.mismatch.fit.crossfit import (

@@ -19,16 +19,10 @@ from itertools import product
 import numpy as np
 
 from stemwatch.models.mismatch.acceptance_limits import RARELY_ACTS
+from stemwatch.models.mismatch.fit.base_coordinate import RATIO, S_PERCENT, S_and_J
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import Fitted, gain, on_both, scored, widened
-from stemwatch.models.mismatch.fit.evaluator import (
-    RATIO,
-    S_PERCENT,
-    CoordinateLayout,
-    Evaluator,
-    S_and_J,
-    TermSet,
-)
+from stemwatch.models.mismatch.fit.evaluator import CoordinateLayout, Evaluator, TermSet
 from stemwatch.models.mismatch.fit.starting_points import beginnings
 from stemwatch.models.mismatch.likelihood.maximum_likelihood import (
     LEAST_GAIN,

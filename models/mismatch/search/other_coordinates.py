@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.batched_search import Search
 from stemwatch.models.mismatch.fit.crossfit import BestOfFolds, Fitted, best_of_folds
 from stemwatch.models.mismatch.fit.evaluator import DEAD_TIME, CoordinateLayout, Evaluator

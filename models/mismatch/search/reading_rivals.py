@@ -20,7 +20,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import CAREFUL, Fitted, crossfit, gain
 from stemwatch.models.mismatch.fit.evaluator import Evaluator

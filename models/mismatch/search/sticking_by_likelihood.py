@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from stemwatch.models.mismatch.fit.base_coordinate import RATIO, RESTICK, S_PERCENT
 from stemwatch.models.mismatch.fit.base_fit import sticking_again
-from stemwatch.models.mismatch.fit.evaluator import RATIO, RESTICK, S_PERCENT
 from stemwatch.models.mismatch.likelihood.maximum_likelihood import (
     RELEASED,
     Likeliest,

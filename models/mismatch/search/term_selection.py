@@ -19,6 +19,7 @@ from stemwatch.models.mismatch.acceptance_limits import (
     not_little_left,
     something_left,
 )
+from stemwatch.models.mismatch.fit.base_coordinate import S_and_J
 from stemwatch.models.mismatch.fit.base_fit import AGAIN, BaseFit, sticking_again
 from stemwatch.models.mismatch.fit.batched_search import Search, conclude, run_together
 from stemwatch.models.mismatch.fit.crossfit import (
@@ -37,11 +38,7 @@ from stemwatch.models.mismatch.fit.crossfit import (
     scored,
     widened,
 )
-from stemwatch.models.mismatch.fit.evaluator import (
-    Evaluator,
-    S_and_J,
-    TermSet,
-)
+from stemwatch.models.mismatch.fit.evaluator import Evaluator, TermSet
 from stemwatch.models.mismatch.fit.starting_points import beginnings
 from stemwatch.models.mismatch.likelihood.maximum_likelihood import LikelihoodEvidence
 from stemwatch.models.mismatch.search.breakaway_levels import (

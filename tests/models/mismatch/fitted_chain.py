@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.base_fit import base_bounds, first_scatter
 from stemwatch.models.mismatch.fit.evaluator import (
     CoordinateLayout,

@@ -19,7 +19,7 @@ from stemwatch.models.mismatch.acceptance.null_scores import null_scores
 from stemwatch.models.mismatch.acceptance_limits import LEAST_OF_A_PAIR, strength
 from stemwatch.models.mismatch.explain import explain, of_rivals
 from stemwatch.models.mismatch.findings import Finding, Mismatch, TriedOutcome
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.identifiability import NO_POSITION, PHYSICS
 from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.terms import catalogue

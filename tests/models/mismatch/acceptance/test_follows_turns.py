@@ -10,7 +10,7 @@ import pytest
 from stemwatch.models.mismatch.acceptance.follows_turns import follows_turns, turned
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import CAREFUL, LOOK, crossfit, refit
 from stemwatch.models.studies.simulator.hidden import draw_effect

@@ -15,7 +15,7 @@ from stemwatch.models.mismatch.acceptance.held_out import (
     compare_held_out,
     on_alternate_blocks,
 )
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.base_fit import fit_base
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import CAREFUL, crossfit

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.batched_search import conclude, run_together
 from stemwatch.models.mismatch.fit.crossfit import CAREFUL, folds, search
 from stemwatch.models.mismatch.fit.evaluator import RunRequest, batches

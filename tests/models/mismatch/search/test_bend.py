@@ -9,7 +9,7 @@ import pytest
 
 from stemwatch.models.mismatch.acceptance_limits import convincing
 from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import curvature, scored
 from stemwatch.models.studies.simulator import demo_plant, simulate_loop

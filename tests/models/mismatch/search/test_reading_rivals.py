@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import CAREFUL, LOOK, crossfit, refit
 from stemwatch.models.mismatch.search.reading_errors import findings

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stemwatch.models.mismatch.acceptance_limits import BESIDE_ANOTHER, convincing, strength
-from stemwatch.models.mismatch.fit import evaluator as base_coordinate
+from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.base_fit import fit_base
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import GLANCE, scored
