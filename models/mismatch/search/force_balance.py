@@ -25,8 +25,9 @@ from stemwatch.models.stickslip.kernel import START
 from stemwatch.models.stickslip.problem import FitProblem
 
 FIRST_WINDOW, SHORTEST, LONGEST = 15, 7, 241  # samples of the low pass
-# Run-ups in a window: a long one shows best whether there is inertia; a short one blurs friction
-# less where the stem reverses. With two, S of simulated drives is within 3 % of the truth.
+# Run-ups in a window: a long one, of fifteen samples at least, shows best whether there is inertia,
+# through the steps of a coarse encoder too; a short one blurs friction less where the stem
+# reverses. With two, S of simulated drives is within 3 % of the truth.
 RUN_UPS_TO_SEE, RUN_UPS = 3.0, 2.0
 ROUNDS = 4  # of window and run-up
 REWEIGHTS = 12
@@ -69,8 +70,10 @@ class ForceBalance:
 
 def force_balance(problem: FitProblem) -> ForceBalance | None:
     """The balance of the drive, or ``None`` where the recording shows none."""
-    seen = _resolved(problem, RUN_UPS_TO_SEE)
-    resolved = _resolved(problem, RUN_UPS) if seen is not None and seen.tells() else None
+    seen = _resolved(problem, RUN_UPS_TO_SEE, FIRST_WINDOW)
+    if seen is None or not seen.tells():
+        return None
+    resolved = _resolved(problem, RUN_UPS, SHORTEST)
     if resolved is None:
         return None
     dt = problem.interval_s
@@ -81,21 +84,21 @@ def force_balance(problem: FitProblem) -> ForceBalance | None:
         zero=-float(zero),
         load=np.array(load),
         lag_s=float(lag) * dt,
-        run_up_s=resolved.run_up * dt,
+        run_up_s=max(seen.run_up, resolved.run_up) * dt,
         top_speed=resolved.top_speed / dt,
         left=resolved.left,
     )
 
 
-def _resolved(problem: FitProblem, run_ups: float) -> _Regression | None:
-    """The regression by a low pass over so many run-ups, which it finds itself; ``None`` where the
-    stem hardly moves, or shows no inertia."""
+def _resolved(problem: FitProblem, run_ups: float, shortest: int) -> _Regression | None:
+    """The regression by a low pass over so many run-ups, which it finds itself, of ``shortest``
+    samples at least; ``None`` where the stem hardly moves, or shows no inertia."""
     window, regression = FIRST_WINDOW, None
     for _ in range(ROUNDS):
         regression = _Regression.of(problem, window)
         if regression is None or not regression.run_up > 0.0:
             return None
-        wanted_window = int(np.clip(round(run_ups * regression.run_up), SHORTEST, LONGEST)) | 1
+        wanted_window = int(np.clip(round(run_ups * regression.run_up), shortest, LONGEST)) | 1
         if abs(wanted_window - window) <= 2:
             break
         window = wanted_window
