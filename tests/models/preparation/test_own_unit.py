@@ -52,9 +52,9 @@ def test_a_recording_keeps_three_hundred_units():
 
 
 def test_a_recording_in_short_pieces_shows_no_move_that_is_slow():
-    """Of three hundred samples sixty count, and no move over sixty begins and ends in these."""
+    """Sixty samples of each piece count, and no move over sixty begins and ends in these."""
     whole = drive(120.0)
-    in_hole = np.arange(len(whole)) % 340 >= 300
+    in_hole = np.arange(len(whole)) % 820 >= 780
     signals = {
         role: replace(signal, values=np.where(in_hole, np.nan, signal.values))
         for role, signal in whole.signals.items()
