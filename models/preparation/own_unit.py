@@ -55,7 +55,7 @@ def samples_in_unit(recording: Recording) -> int:
     problem = make_problem(
         recording if stretch is None else recording.part(stretch.first, stretch.last)
     )
-    if problem.swing <= 0.0 or np.count_nonzero(problem.scored) < FEWEST_UNITS:
+    if problem.swing <= 0.0 or _ends(problem).size < FEWEST_UNITS:
         return 1
     usual_loss, _ = _best(problem, USUAL, USUAL_SPEEDS)
     slow, stem = _best(problem, SLOW, SLOW_SPEEDS)
@@ -71,7 +71,7 @@ def _best(
     problem: FitProblem, answers: tuple[tuple[float, float], ...], speeds: tuple[float, ...]
 ) -> tuple[float, Floats]:
     """The least residual of any stem of the grid, standard deviation, and the stem (10,)."""
-    ends = np.flatnonzero(problem.scored[OVER:] & problem.scored[:-OVER]) + OVER
+    ends = _ends(problem)
     mv = problem.mv[ends] - problem.mv[ends - OVER]
     mv -= mv.mean()
     least, best = np.inf, np.zeros(kernel.N_PARAMETERS)
@@ -86,6 +86,11 @@ def _best(
         if remaining < least:
             least, best = remaining, stem
     return least, best
+
+
+def _ends(problem: FitProblem) -> Samples:
+    """(m,) the samples at which a move over ``OVER`` samples ends that counts."""
+    return np.flatnonzero(problem.scored[OVER:] & problem.scored[:-OVER]) + OVER
 
 
 def _stem(S: float, delay: float, lag: float, speed: float) -> Floats:

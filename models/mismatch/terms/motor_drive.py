@@ -26,7 +26,8 @@ from stemwatch.models.mismatch.terms._common import StemTerm, about_value, grid
 from stemwatch.models.recording import Floats
 
 LONGEST = 60.0  # samples
-LEAST_SHOWN = 1.0  # samples of the run-up, below which inertia does not show
+# Samples of lag and run-up, below which a drive does not show. The force balance has asked before.
+LEAST_SHOWN = 0.25
 FREE = 1e6  # percent a unit of time: no top speed
 
 
@@ -90,7 +91,7 @@ class MotorDrive(StemTerm):
         numbers[stem_number.TOP_SPEED] = 1.0 / values[2] if values[2] > 1.0 / FREE else np.inf
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
-        """The run-up takes a sample and more; without it this is a drag or a lag."""
+        """Lag and run-up are there; without a run-up this is a drag or a lag."""
         return bool(min(values[0], values[1]) >= LEAST_SHOWN * summary.interval_s)
 
     def inherent(self, values: Floats, summary: RecordingSummary) -> bool:

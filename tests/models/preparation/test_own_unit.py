@@ -51,6 +51,17 @@ def test_a_recording_keeps_three_hundred_units():
     assert 1 == samples_in_unit(drive(120.0).part(0, 1000))
 
 
+def test_a_recording_in_short_pieces_shows_no_move_that_is_slow():
+    """Sixty samples of each piece count, and no move over sixty begins and ends in these."""
+    whole = drive(120.0)
+    in_hole = np.arange(len(whole)) % 820 >= 780
+    signals = {
+        role: replace(signal, values=np.where(in_hole, np.nan, signal.values))
+        for role, signal in whole.signals.items()
+    }
+    assert 1 == samples_in_unit(replace(whole, signals=signals))
+
+
 def test_without_a_position_a_unit_is_a_sample():
     """There is nothing that answers."""
     recording = drive(120.0)
