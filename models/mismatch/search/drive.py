@@ -55,7 +55,8 @@ NOT_RESOLVED = (
 )
 NEAR, LEAST_NEAR = 0.1, 0.03  # of S, percent
 RUN_UP = 1  # among the coordinates of the drive
-LEAST_OF_RUN_UP = 0.5  # of the run-up; a delay of a sample or two can take the place of all of it
+# Of the run-up, and of a sample: a delay of a sample or two can take the place of all of it.
+LEAST_OF_RUN_UP = 0.5
 RATIOS = (0.0, 0.4)  # J/S
 DELAYS = (0.0, 2.0, 4.0)  # samples
 # Mean log ratio of the losses on unseen blocks, and its t, by which other physics refutes a drive:
@@ -118,7 +119,7 @@ def _fitted(base: BaseFit, balance: ForceBalance, hypothesis: TermSet) -> tuple[
     """The drive fitted to both folds, by a loss on the scale of what it leaves."""
     # Runs are free: where the motion is resolved, breakaways are not the most informative samples.
     evaluator = replace(base.evaluator, window=0.0, _layouts={})
-    layout = _near_balance(evaluator.layout(hypothesis), balance)
+    layout = _near_balance(evaluator.layout(hypothesis), balance, evaluator.problem.interval_s)
     starts = _starts(evaluator, layout, balance)
     fitted = conclude(evaluator, crossfit(evaluator, layout, starts, CAREFUL))
     middle = fitted.candidates.mean(axis=0)
@@ -132,13 +133,15 @@ def _fitted(base: BaseFit, balance: ForceBalance, hypothesis: TermSet) -> tuple[
         summary=replace(evaluator.summary, S=S, J=S * float(middle[base_coordinate.RATIO])),
         _layouts={},
     )
-    layout = _near_balance(evaluator.layout(hypothesis), balance)
+    layout = _near_balance(evaluator.layout(hypothesis), balance, evaluator.problem.interval_s)
     fitted = conclude(evaluator, scored(layout, fitted.candidates))
     fitted = conclude(evaluator, refit(evaluator, fitted, CAREFUL))
     return evaluator, conclude(evaluator, refit(evaluator, fitted, POLISH))
 
 
-def _near_balance(layout: CoordinateLayout, balance: ForceBalance) -> CoordinateLayout:
+def _near_balance(
+    layout: CoordinateLayout, balance: ForceBalance, sample: float
+) -> CoordinateLayout:
     """``layout`` with S and run-up held near those of the force balance, to which every moving
     sample contributes; in a free run only the few samples near a turn of the stem do.
     """
@@ -146,7 +149,7 @@ def _near_balance(layout: CoordinateLayout, balance: ForceBalance) -> Coordinate
     low[base_coordinate.S_PERCENT] = max((1.0 - NEAR) * balance.S - LEAST_NEAR, 0.0)
     high[base_coordinate.S_PERCENT] = (1.0 + NEAR) * balance.S + LEAST_NEAR
     high[base_coordinate.RATIO] = 1.0
-    low[layout.places[DRIVE]][RUN_UP] = LEAST_OF_RUN_UP * balance.run_up_s
+    low[layout.places[DRIVE]][RUN_UP] = LEAST_OF_RUN_UP * min(balance.run_up_s, sample)
     return replace(layout, bounds=Bounds(low, high))
 
 

@@ -53,6 +53,14 @@ def test_friction_lag_and_load_are_those_of_the_drive(S, lag_s, run_up_s, load):
     assert pull == pytest.approx(2.0 * load * np.sin(np.pi * z), rel=0.12)
 
 
+@pytest.mark.parametrize(("S", "run_up_s"), [(0.6, 0.016), (0.2, 0.012)])
+def test_a_run_up_of_a_sample_shows_in_fast_motion(S, run_up_s):
+    """A motor with a light arm is a drive too, and its friction is read off no worse."""
+    result, unit_s = balanced(drive(S, lag_s=0.2, run_up_s=run_up_s))
+    assert result.S == pytest.approx(S, rel=0.12, abs=0.03)
+    assert result.lag_s * unit_s == pytest.approx(0.2, rel=0.2)
+
+
 @pytest.mark.parametrize("factor", [0.001, 60.0])
 def test_the_time_unit_does_not_matter(factor):
     """The same samples further apart: the same percent, and times that are as much longer."""
