@@ -21,14 +21,13 @@ import pytest
 import typer.main
 from argon2 import PasswordHasher
 
-from stemwatch.models.screening import screen as screening
 from stemwatch.models.studies.simulator import demo_plant, simulate_loop
 from stemwatch.service.access import passwords
 from stemwatch.service.cli import main, views
 from stemwatch.service.store.migrations import migrate
 from stemwatch.service.studies.simulated_export import write_export
-from tests.service import done_once
 from tests.service.browser_windows import Windows
+from tests.service.copied_tables import TablesCopied
 from tests.shared_setup import made_once
 
 if TYPE_CHECKING:
@@ -75,20 +74,10 @@ def real_passwords(_quick_passwords: None) -> Iterator[None]:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _done_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """A recording that was screened in this process has its answer; a new SQLite file is copied."""
-    tables = done_once.TablesCopied(tmp_path_factory.mktemp("tables") / "new.db")
-    with (
-        patch.object(screening, "screen", done_once.screen_once),
-        patch.object(migrate, "upgrade", tables),
-    ):
-        yield
-
-
-@pytest.fixture
-def screened_anew(_done_once: None) -> Iterator[None]:
-    """Every recording is screened, whether it was before or not."""
-    with patch.object(screening, "screen", done_once.SCREEN):
+def _copied_tables(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A new SQLite file begins as a copy of one with tables."""
+    tables = TablesCopied(tmp_path_factory.mktemp("tables") / "new.db")
+    with patch.object(migrate, "upgrade", tables):
         yield
 
 

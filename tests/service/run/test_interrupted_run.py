@@ -31,10 +31,7 @@ from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store, open_store
 
-pytestmark = [
-    pytest.mark.skipif(os.name == "nt", reason="signals are sent the POSIX way"),
-    pytest.mark.usefixtures("screened_anew"),
-]
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals are sent the POSIX way")
 
 REASON = {signal.SIGINT: "interrupted by Ctrl-C", signal.SIGTERM: "ended by SIGTERM"}
 

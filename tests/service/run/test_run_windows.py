@@ -85,7 +85,7 @@ def trend_of(valve: str, out: Path) -> str:
         return next(row["trend"] for row in csv.DictReader(table) if row["valve"] == valve)
 
 
-def test_the_same_window_twice_is_one_row(first, screened_anew, screened, rows) -> None:
+def test_the_same_window_twice_is_one_row(first, screened, rows) -> None:
     """Screening a window again updates its row; both runs stay on record."""
     second = screened(*EARLY)
     assert first["stiction"] == second["stiction"]

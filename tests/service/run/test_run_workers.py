@@ -27,7 +27,7 @@ from stemwatch.service.run.spill import ResultSpill
 from stemwatch.service.store.store import open_store
 from tests.service.clusters import Cluster
 
-pytestmark = [pytest.mark.early, pytest.mark.usefixtures("screened_anew")]
+pytestmark = pytest.mark.early
 
 ATTEMPTS = 6  # a worker may be done between the look at its stack and the signal
 

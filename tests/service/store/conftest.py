@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -26,7 +27,9 @@ from stemwatch.models.record_checks.data_quality import DataQuality
 from stemwatch.models.recording import Provenance, Recording, Role, Signal
 from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.models.verdict import Shape, Verdict
+from stemwatch.service.store.migrations import migrate
 from stemwatch.service.store.store import Store, open_store
+from tests.service.copied_tables import UPGRADE
 from tests.shared_setup import made_once
 
 START = datetime(2026, 3, 1, 6, 0, tzinfo=UTC)
@@ -35,6 +38,13 @@ MakeScreening = Callable[..., Screening]
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "postgres: needs PostgreSQL's server; skipped loudly if not")
+
+
+@pytest.fixture(autouse=True)
+def _tables_of_its_own() -> Iterator[None]:
+    """A new file gets its tables from the program, not from a copy."""
+    with patch.object(migrate, "upgrade", UPGRADE):
+        yield
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

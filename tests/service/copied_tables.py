@@ -1,38 +1,20 @@
-"""What hundreds of tests would each have done again, done once in each process that runs them: the
-screening of a recording that was screened before, and the tables of a new SQLite file.
+"""The tables of a new SQLite file, which hundreds of tests need, made once in each process.
 
-Tests of screening, of the order of work and of migrations ask the functions themselves.
+Tests of the store (`tests/service/store`) make every file as the program does.
 """
 
 from __future__ import annotations
 
-import pickle
 import sqlite3
-from collections.abc import Sequence
 from contextlib import closing
-from hashlib import sha256
 from pathlib import Path
 
 from sqlalchemy import Engine
 
-from stemwatch.models.screening import screen as screening
-from stemwatch.models.screening_result import Screening
 from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.migrations import migrate
 
-SCREEN, UPGRADE = screening.screen, migrate.upgrade
-_screened: dict[bytes, bytes] = {}
-
-
-def screen_once(
-    cases: Sequence[screening.Case], options: screening.Options = screening.DEFAULTS
-) -> list[Screening]:
-    """``screen``, which is asked the first time that it gets these very cases and options."""
-    asked = sha256(pickle.dumps((list(cases), options))).digest()
-    if asked not in _screened:
-        _screened[asked] = pickle.dumps(SCREEN(cases, options))
-    answer: list[Screening] = pickle.loads(_screened[asked])
-    return answer
+UPGRADE = migrate.upgrade
 
 
 class TablesCopied:
@@ -58,10 +40,11 @@ class TablesCopied:
             UPGRADE(engine, own)
             engine.dispose()
         try:
+            file.touch(0o600)
             with (
                 closing(sqlite3.connect(self._template)) as tables,
                 closing(sqlite3.connect(file)) as new,
             ):
                 tables.backup(new)
-        except sqlite3.Error:
+        except (OSError, sqlite3.Error):
             return  # where no file can be written it is the program that says so
