@@ -17,8 +17,9 @@ import pytest
 pytestmark = [pytest.mark.recordings, pytest.mark.early]
 
 QUICK = ("uolab", "emps", "cascaded_tanks", "historian_faults")
-LARGE = ("damadics", "refinery", "isdb")
-FOLDERS = [*QUICK, *(pytest.param(folder, marks=pytest.mark.long) for folder in LARGE)]
+LARGE = ("refinery", "isdb")
+WITHOUT_POSITION = [*QUICK, *(pytest.param(folder, marks=pytest.mark.long) for folder in LARGE)]
+FOLDERS = [pytest.param("damadics", marks=pytest.mark.long), *WITHOUT_POSITION]
 Valves = list[dict[str, Any]]
 Screened = Callable[..., tuple[Any, Valves]]
 
@@ -68,7 +69,7 @@ def test_no_fit_breaks_down(screened: Screened, folder: str) -> None:
     assert [] == [valve["reason"] for valve in valves if "broke down" in valve["reason"]]
 
 
-@pytest.mark.parametrize("folder", FOLDERS[1:])
+@pytest.mark.parametrize("folder", WITHOUT_POSITION)
 def test_no_verdict_without_a_position(screened: Screened, folder: str) -> None:
     """Only one folder has a measured position that is found by itself: no other has a verdict."""
     _, valves = screened(folder)
