@@ -113,6 +113,10 @@ class DecisionEvidence:
     # like the slow actuator that was found; else 0
     shaken: float = 0.0
 
+    def may_stick_unseen(self, limits: Limits) -> bool:
+        """Whether the slow actuator that was found may be a stem that sticks after all."""
+        return self.shaken >= limits.sticky_S_percent
+
 
 @dataclass(frozen=True, kw_only=True)
 class Decision:
@@ -444,9 +448,9 @@ def _moved_otherwise(evidence: DecisionEvidence, limits: Limits) -> Decision | N
 def _shaken_loose(evidence: DecisionEvidence) -> Decision:
     """No verdict where friction and a slow actuator look alike from sample to sample."""
     return _cannot_tell(
-        "the stem follows OP as behind an actuator that takes many seconds, which few are built "
-        f"to, and so does one with an S of {_percent(evidence.shaken)} that OP shakes loose "
-        "between two samples of the archive",
+        "the stem follows OP as if the actuator took many seconds, and few are that slow; a stem "
+        f"with an S of {_percent(evidence.shaken)} that OP shakes loose between two samples of the "
+        "archive would look the same",
         f"{SLOW_OR_STICKING} {FASTER}",
         NoVerdict.SLOW_ACTUATOR,
         numbers_hold=False,
@@ -541,7 +545,7 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
         return _cannot_tell(evidence.S.reason or "S is not known", "Record more movement.")
     if low >= limits.sticky_S_percent:
         return _large_S(evidence, limits, friction=friction)
-    if evidence.shaken >= limits.sticky_S_percent:
+    if evidence.may_stick_unseen(limits):
         return _shaken_loose(evidence)
     if S >= limits.watch_S_percent:
         return _some_friction(evidence, low, high, limits)

@@ -50,8 +50,8 @@ OF_SLOW_ACTUATORS = (
 # What a dead band with an edge that is rounded by shaking looks like as well.
 LIKE_A_SHAKEN_BAND = (*OF_SLOW_ACTUATORS, "spring_hysteresis")
 RESTS = (
-    "the stem rests while OP turns round by some percent, which no slow actuator does, and this "
-    "archive does not show what else it is"
+    "the stem rests while OP turns round by some percent, as behind no slow actuator, and this "
+    "archive does not show what else acts"
 )
 
 

@@ -113,7 +113,7 @@ SLOW_ACTUATOR = (
     "better than friction with other physics: nothing else is named."
 )
 SHAKEN_LOOSE = (
-    "A slow actuator was found, or friction that OP shakes loose between two samples: the "
+    "This may be a slow actuator, or friction that OP shakes loose between two samples: the "
     "recording cannot tell, and nothing is named."
 )
 PERHAPS_EXCHANGED = (
@@ -532,7 +532,7 @@ def _with_verdict(
     if not judgement.numbers_hold:
         S = J = Estimate.unknown(judgement.reason, unit=PERCENT)
     sticks = judgement.verdict is Verdict.STICKY
-    may_be_S = evidence.shaken >= limits.sticky_S_percent and not sticks
+    may_be_S = evidence.may_stick_unseen(limits) and not sticks
     mismatch = _as_shown(mismatch, S, J, may_be_S=may_be_S)
     numbers = [
         *indicators.of_recording(fitted.assessment.recording),
