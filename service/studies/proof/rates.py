@@ -62,10 +62,10 @@ def headline(marks: Sequence[CaseMark]) -> list[Rate]:
     """The rates with a target, and those that show how far these can be trusted."""
     singles = [m for m in marks if m.truth.kind is CaseKind.SINGLE and m.truth.excited]
     routine = [m for m in singles if m.truth.concealment not in HARDER]
-    rates = _naming("one effect, 1 h, moving", routine, by_class=0.90, when_named=0.97)
+    rates = _naming("one effect, 1 h, moving", routine, by_class=0.90, when_named=0.97, exact=0.88)
     for concealment, share in HARDER.items():
         group = [m for m in singles if m.truth.concealment == concealment]
-        rates += _naming(f"one effect, {concealment}", group, by_class=share)
+        rates += _naming(f"one effect, {concealment}", group, by_class=share, when_named=0.92)
     return [
         *rates,
         *_pairs(marks),
@@ -95,6 +95,7 @@ def _naming(
     *,
     by_class: float | None = None,
     when_named: float | None = None,
+    exact: float | None = None,
 ) -> list[Rate]:
     """Of all cases, and of those in which something was named."""
     named = [m for m in marks if m.named]
@@ -102,7 +103,7 @@ def _naming(
         _rate(group, "right by class", marks, lambda m: m.outcome in RIGHT, by_class),
         _rate(group, "right when named", named, lambda m: bool(m.right_name), when_named),
         _rate(group, "every name right", named, lambda m: not m.wrong_names),
-        _rate(group, "exact name", marks, lambda m: m.outcome is CaseOutcome.EXACT),
+        _rate(group, "exact name", marks, lambda m: m.outcome is CaseOutcome.EXACT, exact),
         _rate(group, "nothing named", marks, lambda m: m.outcome is CaseOutcome.MISS),
     ]
 
