@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 
@@ -12,6 +12,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.mismatch.open_question import OpenQuestion
 from stemwatch.models.narx.network import NarxNetwork
+from stemwatch.models.preparation.fit_window import on_whole_clock
 from stemwatch.models.record_checks.data_quality import DataQuality
 from stemwatch.models.recording import Floats, Provenance, Recording, Role
 from stemwatch.models.signals.position_histograms import PositionHistograms
@@ -58,6 +59,16 @@ class Traces:
     stiction: Floats | None = None  # (n,) free run of the stick-slip model, percent of travel
     narx: Floats | None = None  # (n,) free run of the NARX network, percent of travel
     heldout_from: int | None = None  # first sample of the part that no model was fitted to
+
+    def within(self, first: int, samples: int) -> Traces:
+        """The traces on the clock of a recording of ``samples`` samples, of which they begin at
+        ``first``; NaN outside."""
+        stiction, narx, heldout = self.stiction, self.narx, self.heldout_from
+        return Traces(
+            stiction=None if stiction is None else on_whole_clock(stiction, first, samples),
+            narx=None if narx is None else on_whole_clock(narx, first, samples),
+            heldout_from=None if heldout is None else first + heldout,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,6 +170,11 @@ class Screening:
         """Share of samples a fit could use."""
         seen = self.seen
         return 0.0 if seen is None else seen.usable_share
+
+    def with_indicators(self, indicators: Iterable[Indicator]) -> Screening:
+        """The same result with these indicators as well."""
+        named = {indicator.name: indicator for indicator in indicators}
+        return replace(self, indicators={**self.indicators, **named})
 
     def without_samples(self) -> Screening:
         """The same result without a single sample: no recording, no traces, no free runs, no

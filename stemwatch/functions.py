@@ -317,14 +317,14 @@ def twin(
         >>> saved.low < saved.value < saved.high
         True
     """
-    from stemwatch.service.twin.loop_twin import loop_twin
+    from stemwatch.models.screening.repair import loop_of
 
     found = data if isinstance(data, ScreenedValve) else _screened_for_its_twin(read(data, **how))
     if isinstance(data, ScreenedValve) and how:
         raise ValueError(f"{', '.join(how)}: a valve that was screened has its signals already")
     if found.recording is None:
         raise ValueError(f"{found.valve}: the loop cannot be run again: {found.reason}")
-    loop = loop_twin(found.recording, found.screening)
+    loop = loop_of(found.recording, found.screening)
     if isinstance(loop, str):
         raise ValueError(f"{found.valve}: the loop cannot be run again: {loop}")
     return LoopTwin(found.valve, loop)

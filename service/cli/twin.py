@@ -158,9 +158,9 @@ def _screened(request: Request) -> tuple[Recording, Screening]:
 
 
 def _twin_of(recording: Recording, screening: Screening) -> FittedLoop:
-    from stemwatch.service.twin.loop_twin import loop_twin
+    from stemwatch.models.screening.repair import loop_of
 
-    loop = loop_twin(recording, screening)
+    loop = loop_of(recording, screening)
     if isinstance(loop, str):
         raise ValueError(f"{recording.valve}: the loop cannot be run again: {loop}")
     return loop

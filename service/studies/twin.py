@@ -22,11 +22,11 @@ from stemwatch.models.closed_loop.what_if import (
 )
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Role
+from stemwatch.models.screening.repair import loop_of
 from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.models.studies.simulator.draws import draw_sticky
 from stemwatch.models.studies.simulator.loop import PlantLoop
 from stemwatch.models.studies.simulator.simulate import simulate_loop
-from stemwatch.service.twin.loop_twin import loop_twin
 
 FALL = "variance_fall"
 FIGURES = (FALL, *(name for name in NUMBERS if name != "off_target"))
@@ -78,7 +78,7 @@ def run_twin_study(loops: int, seed: int) -> Iterator[PredictedLoop]:
 def _judged(loop: PlantLoop, seed: int) -> PredictedLoop:
     recording = simulate_loop(loop, seed).recording
     screening = screen([Case(recording=recording)], Options(narx=False))[0]
-    twin = loop_twin(recording, screening)
+    twin = loop_of(recording, screening)
     if isinstance(twin, str):
         return PredictedLoop(tag=loop.tag, reason=twin)
     valve, controller = loop.valve, loop.controller

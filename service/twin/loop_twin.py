@@ -1,4 +1,4 @@
-"""From a recording to its twin, and the changes that a control engineer would try first."""
+"""Twins of loops, kept, and the changes that a control engineer would try first."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from threading import Lock
 
-from stemwatch.models.closed_loop.fitted_loop import FittedLoop, FittedValve, Knocker, fit_loop
+from stemwatch.models.closed_loop.fitted_loop import FittedLoop, Knocker
 from stemwatch.models.closed_loop.what_if import REPAIRED, LoopChange, Prediction, predict
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Recording
+from stemwatch.models.screening.repair import loop_of
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.presenter.wording import figure
 
@@ -26,16 +27,6 @@ class WhatIf:
     name: str
     change: LoopChange
     prediction: Prediction
-
-
-def loop_twin(recording: Recording, screening: Screening) -> FittedLoop | str:
-    """The loop of a ``recording`` with the valve that its ``screening`` found; or why there is
-    none."""
-    numbers = {name: indicator.value for name, indicator in screening.indicators.items()}
-    curve = screening.stroke_curve
-    slope = 1.0 if curve is None else curve.slope
-    valve = FittedValve.of(screening.S, screening.J, numbers, slope)
-    return valve if isinstance(valve, str) else fit_loop(recording, valve)
 
 
 class TwinCache:
@@ -58,7 +49,7 @@ class TwinCache:
         recording = read()
         if isinstance(recording, str):
             return recording  # not kept, since the source may answer the next time
-        twin = loop_twin(recording, screening)
+        twin = loop_of(recording, screening)
         with self._guard:
             self._kept[key] = twin
             while len(self._kept) > MOST_KEPT:

@@ -39,12 +39,12 @@ HEAD = f"{'seconds':>9}{'core s':>9}{'memory MB':>11}{'program':>9}{'a worker':>
 # Where each stage begins and ends: a function of the program, by module and name.
 PLACES = {
     "read": ("stemwatch.service.run.task", "recording_of"),
-    "quality": ("stemwatch.models.screening.screen", "assess"),
-    "choose": ("stemwatch.models.screening.screen", "choose_fit_window"),
-    "fit S, J": ("stemwatch.models.screening.screen", "fit_stickslip"),
-    "intervals": ("stemwatch.models.screening.screen", "bootstrap"),
+    "quality": ("stemwatch.models.screening.fitted_recording", "assess"),
+    "choose": ("stemwatch.models.screening.fitted_recording", "choose_fit_window"),
+    "fit S, J": ("stemwatch.models.screening.fitted_recording", "fit_stickslip"),
+    "intervals": ("stemwatch.models.screening.fitted_recording", "bootstrap"),
     "NARX": ("stemwatch.models.screening.screen", "_train"),
-    "explain": ("stemwatch.models.screening.screen", "explain"),
+    "explain": ("stemwatch.models.screening.left_out", "explain"),
     "verdict": ("stemwatch.models.screening.screen", "_with_verdict"),
     "plots": ("stemwatch.service.report.charts.valve_plots", "plots_instead_of_samples"),
     "store": ("stemwatch.service.store.store", "Store.save_many"),

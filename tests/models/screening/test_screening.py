@@ -18,7 +18,8 @@ from stemwatch.models.narx.example import NarxExample
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.narx.training import train
 from stemwatch.models.recording import Provenance, Recording, Role, Signal
-from stemwatch.models.screening.screen import Case, Options, _lag_is_doubtful, failed, screen
+from stemwatch.models.screening.published_stiction import lag_is_doubtful
+from stemwatch.models.screening.screen import Case, Options, failed, screen
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.studies.simulator import PlantLoop, SimulatedValve, simulate_loop
 from stemwatch.models.studies.simulator.loop import Load, LoadKind
@@ -332,5 +333,5 @@ def test_a_lag_that_the_whole_record_does_not_need_is_doubted(breakaways):
     fit = SimpleNamespace(hypothesis="both", breakaways=breakaways)
     for restated, doubted in ((near, False), (far, True)):
         explained = SimpleNamespace(finding=Finding.NONE, restated=restated)
-        valve = SimpleNamespace(archive=None)
-        assert _lag_is_doubtful(valve, fit, explained, near.S, near.J) is doubted
+        valve = SimpleNamespace(fit=fit, archive=None)
+        assert lag_is_doubtful(valve, explained, near.S, near.J) is doubted

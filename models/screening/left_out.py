@@ -1,0 +1,71 @@
+"""What S and J leave out of a fitted recording: where it is asked at all, and what is not named
+because friction explains it as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from stemwatch.models.decision import residual
+from stemwatch.models.decision.shaken_loose import LIKE_A_SHAKEN_BAND, RESTS, is_sure
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.explain import explain
+from stemwatch.models.mismatch.findings import Mismatch, Stiction
+from stemwatch.models.narx.example import NarxFit
+from stemwatch.models.preparation.own_clock import duration
+from stemwatch.models.screening.fitted_recording import FittedRecording
+
+SLOW_ACTUATOR = (
+    "Friction behind a slow actuator follows the part of the recording that was not fitted far "
+    "better than friction with other physics: nothing else is named."
+)
+SHAKEN_LOOSE = (
+    "This may be a slow actuator, or friction that OP shakes loose between two samples: the "
+    "recording cannot tell, and nothing is named."
+)
+PERHAPS_EXCHANGED = (
+    "The position moves {} before OP, so that OP may be the position and the position OP: what S "
+    "and J leave out is not asked."
+)
+
+
+def explained(
+    fitted: FittedRecording, network: NarxFit | None, *, look_for_curve: bool
+) -> Mismatch:
+    """What S and J leave out; nothing that is settled already is looked for again. Nothing is asked
+    where OP and position may be exchanged: a command has none of a stem's effects."""
+    if fitted.perhaps_exchanged:
+        first = duration(fitted.late_s, fitted.recording.unit_s, ".1f")
+        return Mismatch.unknown(PERHAPS_EXCHANGED.format(first))
+    found = explain(
+        fitted.recording,
+        ceiling=network.simulated if network is not None else None,
+        curve=fitted.curve,
+        look_for_curve=look_for_curve,
+        late_s=fitted.late_s,
+        look_within_steps=fitted.within_steps,
+        restore=fitted.archive is not None,
+        archive=fitted.archive,
+        refused=dict.fromkeys(LIKE_A_SHAKEN_BAND, RESTS) if is_sure(fitted.dead_bands) else {},
+    )
+    if fitted.archive is not None or not residual.slow_actuator_is_enough(fitted.fit, found):
+        return found
+    return _not_named(found, SLOW_ACTUATOR)
+
+
+def as_shown(
+    mismatch: Mismatch, fitted: FittedRecording, S: Estimate, J: Estimate, *, may_be_S: bool
+) -> Mismatch:
+    """``mismatch`` with the one S and J of a valve and window, wherever they are shown, with its
+    free runs on the clock of the whole recording, and without the slow actuator that
+    ``may_be_S``."""
+    shown = _not_named(mismatch, SHAKEN_LOOSE) if may_be_S else mismatch
+    if shown.runs is not None and fitted.stretch is not None:
+        runs = shown.runs.within(fitted.stretch.first, len(fitted.whole))
+        shown = replace(shown, runs=runs)
+    return replace(shown, restated=Stiction(S=S, J=J))
+
+
+def _not_named(found: Mismatch, reason: str) -> Mismatch:
+    """``found`` without what it named, and why."""
+    return Mismatch.unknown(reason, record_effects=found.record_effects, seconds=found.seconds)

@@ -1,0 +1,57 @@
+"""The one S and J of a valve and window: which of the fits they are taken from, percent of OP."""
+
+from __future__ import annotations
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.findings import Finding, Mismatch
+from stemwatch.models.recording import PERCENT, Floats
+from stemwatch.models.screening.fitted_recording import FittedRecording
+from stemwatch.models.stickslip.interval import interval, spread_of
+
+
+def published_stiction(
+    fitted: FittedRecording, mismatch: Mismatch | None
+) -> tuple[Estimate, Estimate, Floats]:
+    """S, J and draws of S, percent of OP: those of the fit with the named effects, if any."""
+    if mismatch is not None and mismatch.effects and mismatch.restated.S.value is not None:
+        restated = mismatch.restated
+        return restated.S, restated.J, spread_of(restated.S)
+    S, J, S_draws = _of_stickslip_fit(fitted)
+    if mismatch is not None and lag_is_doubtful(fitted, mismatch, S, J):
+        # Only this fit needs the lag, and the recording does not show which of the two is right.
+        # Breakaways that were read with the lag, and not by a run of their own, say nothing then.
+        naive, restated = mismatch.naive, mismatch.restated
+        by_a_run = fitted.fit.breakaways is None
+        S = restated.S.holding(*((S, naive.S) if by_a_run else (naive.S,)))
+        J = restated.J.holding(*((J, naive.J) if by_a_run else (naive.J,)))
+        S_draws = spread_of(S)
+    return S, J, S_draws
+
+
+def lag_is_doubtful(fitted: FittedRecording, mismatch: Mismatch, S: Estimate, J: Estimate) -> bool:
+    """Whether a lag fitted beside friction has taken part of S or J although the whole record is
+    explained without it: S and J of an assimilated fit contradict it.
+    """
+    if fitted.fit.hypothesis != "both" or fitted.archive is not None:
+        return False
+    explained = mismatch.finding is Finding.NONE
+    restated = mismatch.restated
+    return explained and (restated.S.contradicts(S) or restated.J.contradicts(J))
+
+
+def _of_stickslip_fit(fitted: FittedRecording) -> tuple[Estimate, Estimate, Floats]:
+    """S, J and draws of S of the stick-slip fit, percent of OP, with what the archive lost."""
+    fit, sample = fitted.fit, fitted.sample
+    S, J, S_draws = _estimate(sample.S, fit.S), _estimate(sample.J, fit.J), sample.S
+    if fitted.archive is not None:
+        S, J = fitted.archive.restored(S, J, fitted.missed)
+        S_draws = S_draws if S.value is None else spread_of(S)
+    if fitted.curve is not None:
+        S, J = fitted.curve.in_op(S), fitted.curve.in_op(J, is_jump=True)
+        S_draws = S_draws / abs(fitted.curve.slope)
+    return S, J, S_draws
+
+
+def _estimate(draws: Floats, value: float) -> Estimate:
+    low, high = interval(draws, value)
+    return Estimate(value=value, low=low, high=high, unit=PERCENT)
