@@ -187,6 +187,30 @@ def drifts(numbers: Floats) -> bool:
 
 
 @never_raises
+def slid(
+    f: float,
+    going: float,
+    falls_from: float,
+    rises_from: float,
+    fd: float,
+    share: float,
+    least: float,
+) -> tuple[float, float]:
+    """The side of the motion in the next sample, 0 at rest, and the way, percent, of a stem under
+    the force ``f`` that is ``alike`` in both directions.
+
+    A moving stem goes on where it is fast enough; one that is at rest, or sticks, may break away.
+    """
+    goes = -1.0 if f < falls_from else 0.0
+    goes = 1.0 if f > rises_from else goes
+    goes_on = (going * f - fd > least) & (going != 0.0)
+    going = going if goes_on else goes
+    gap = going * f - fd
+    gap = gap if gap > 0.0 else 0.0  # friction never pushes the stem back
+    return going, share * going * gap
+
+
+@never_raises
 def begin_sliding(s: Floats, lanes: np.uint64, near_onset: tuple[float, float]) -> None:
     """Before ``slide``: the side of the motion, 0 at rest, and the forces that break away."""
     near_up, near_down = near_onset
@@ -250,13 +274,8 @@ def slide(
             fd, share, least = s[row.FD_UP + i], s[row.SHARE + i], s[row.LEAST_GAP + i]
             gain, offset = s[row.GAIN + i], s[row.OFFSET + i]
             f = forces[o + i] - x
-            goes = -1.0 if f < falls_from else 0.0
-            goes = 1.0 if f > rises_from else goes
-            goes_on = (going * f - fd > least) & (going != 0.0)
-            going = going if goes_on else goes
-            gap = going * f - fd
-            gap = gap if gap > 0.0 else 0.0
-            x += share * going * gap
+            going, way = slid(f, going, falls_from, rises_from, fd, share, least)
+            x += way
             read = gain * (x - 50.0) + offset
             product *= loss_factor(measured - read, free, scale)
             forces[o + i] = read
