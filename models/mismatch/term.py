@@ -4,11 +4,10 @@
 A term is neutral where all its coordinates are 0, so that every hypothesis contains S and J alone.
 It acts on one of three things (``ActsOn``):
 
-- ``ActsOn.COMMAND``: it shapes the command on its way to the force on the stem (``shape``), -
-``ActsOn.STEM``: it sets the kernel's numbers and tables of friction, force, stops and play
+- ``ActsOn.COMMAND``: it shapes the command on its way to the force on the stem (``shape``),
+- ``ActsOn.STEM``: it sets the kernel's numbers and tables of friction, force, stops and play
   (``fill``),
-- ``ActsOn.READING``: it is one of the reading's own numbers (zero, gain), free in every hypothesis
-  and a finding only where it is materially off.
+- ``ActsOn.READING``: it sets the kernel's numbers of the reading, zero and gain (``fill``).
 """
 
 from __future__ import annotations
@@ -92,6 +91,9 @@ class Term(Protocol):
     acts_on: ActsOn
     order: int  # the order in the chain among the terms that act on the same thing
     contains: tuple[str, ...]  # slugs of simpler terms that are special cases of this one
+    # Whether it is one of the base's own numbers (zero, gain, sticking again), free in every
+    # hypothesis: a finding where the base without it fits worse, and not looked for by adding it.
+    in_base: bool
     # Whether the position may swing by it; a reading that is off, or wanders slowly, is no cause.
     may_swing: bool
     words: Words

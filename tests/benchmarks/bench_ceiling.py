@@ -71,7 +71,7 @@ from stemwatch.models.mismatch.search.reading_errors import (
 )
 from stemwatch.models.mismatch.search.sticking_by_likelihood import HARDER
 from stemwatch.models.mismatch.search.term_selection import neutral
-from stemwatch.models.mismatch.term import ActsOn, Term
+from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.preparation.own_clock import on_own_clock
 from stemwatch.models.recording import Floats, Recording
@@ -336,7 +336,7 @@ def of_the_catalogue(case: HiddenCase) -> bool:
     if len(case.effects) != 1 or case.effects[0] in RECORD:
         return False
     term = catalogue().get(case.effects[0])
-    return term is not None and (term.acts_on is not ActsOn.READING or term.slug == RESTICK)
+    return term is not None and (not term.in_base or term.slug == RESTICK)
 
 
 def stored(recording: Recording) -> Recording:

@@ -132,12 +132,8 @@ def named_effects(case: PreparedRecording, terms: Mapping[str, Term]) -> Named:
 
 
 def of_the_valve(terms: Mapping[str, Term]) -> list[Term]:
-    """The terms that are looked for one by one: no drive's, and none of the reading's own."""
-    return [
-        term
-        for slug, term in terms.items()
-        if slug not in OF_A_DRIVE and term.acts_on is not ActsOn.READING
-    ]
+    """The terms that are looked for one by one: no drive's, and none of the base's own."""
+    return [term for slug, term in terms.items() if slug not in OF_A_DRIVE and not term.in_base]
 
 
 class _AskedOfTheWhole:

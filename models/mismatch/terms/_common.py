@@ -36,10 +36,11 @@ SLOW_AS_BUILT = (
 
 
 class _Defect:
-    """Most terms: an effect of a material size is something to mend, and may make the position
-    swing."""
+    """Most terms: an effect of a material size is something to mend, may make the position swing,
+    and is none of the base's own numbers."""
 
     may_swing = True
+    in_base = False
 
     def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """Never how a machine is made."""
@@ -84,9 +85,11 @@ class OneNumberTerm(StemTerm):
 
 
 class ReadingTerm(StemTerm):
-    """A term that is one of the reading's own numbers."""
+    """A term that is one of the reading's own numbers, which no position swings by."""
 
     acts_on = ActsOn.READING
+    in_base = True
+    may_swing = False
 
 
 def either_sign(*sizes: float) -> Floats:

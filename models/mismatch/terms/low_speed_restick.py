@@ -17,7 +17,7 @@ from stemwatch.models.field_advice import STICKING_PACKING, FieldAdvice, FieldTe
 from stemwatch.models.mismatch.stem_model import stem as stem_number
 from stemwatch.models.mismatch.stem_model.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._common import ReadingTerm, about_value
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value
 from stemwatch.models.recording import Floats
 
 # Every stem sticks again on ramps slower than its packing's Stribeck speed, up to 0.1 %/s or so,
@@ -27,11 +27,12 @@ from stemwatch.models.recording import Floats
 MATERIAL_PERCENT_PER_S = 0.3
 
 
-class LowSpeedRestick(ReadingTerm):
+class LowSpeedRestick(StemTerm):
     """A stem that sticks again when slow: one coordinate, the speed ``v_c`` in %/s."""
 
     slug = "low_speed_restick"
     order = 30
+    in_base = True
     words = Words(
         plain="on a slow command the stem does not slide, it moves in small steps",
         decide=(

@@ -23,7 +23,7 @@ from stemwatch.models.field_advice import STICKING_PACKING, FieldAdvice, FieldTe
 from stemwatch.models.mismatch.stem_model import stem as stem_number
 from stemwatch.models.mismatch.stem_model.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._common import ReadingTerm, about_value
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value
 from stemwatch.models.recording import Floats
 
 AT_EVERY_SPEED = 4.0  # %/s; at a sample a second a stem moves by a slip and more at each sample
@@ -32,11 +32,12 @@ AT_THE_END = 0.97 * AT_EVERY_SPEED  # within a fit's error of the end no value i
 NO_QUICKER_MOVE = "it sticks after each slip that the recording shows, on the quickest moves too"
 
 
-class SlipOvershoot(ReadingTerm):
+class SlipOvershoot(StemTerm):
     """A stem that sticks after each slip: one coordinate, the speed ``v`` in %/s up to which."""
 
     slug = "slip_overshoot"
     order = 31
+    in_base = True
     words = Words(
         plain="each slip goes past its end and the stem rests there, on quick moves too",
         decide=(

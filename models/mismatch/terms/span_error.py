@@ -37,7 +37,6 @@ class SpanError(ReadingTerm):
 
     slug = "span_error"
     order = 80
-    may_swing = False
     contains: tuple[str, ...] = ("zero_shift",)
     words = Words(
         of_record=True,

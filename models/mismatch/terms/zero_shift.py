@@ -34,7 +34,6 @@ class ZeroShift(ReadingTerm):
 
     slug = "zero_shift"
     order = 80
-    may_swing = False
     words = Words(
         of_record=True,
         plain="the position reading is off by a constant, or the bench set of the spring is",

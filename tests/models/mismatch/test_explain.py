@@ -20,7 +20,6 @@ from stemwatch.models.mismatch.explain import explain, of_rivals
 from stemwatch.models.mismatch.findings import Finding, Mismatch, TriedOutcome
 from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.identifiability import NO_POSITION, PHYSICS
-from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Role
 from stemwatch.models.stickslip.fit import Advantage
@@ -391,12 +390,12 @@ def test_the_network_s_free_run_is_the_ceiling():
 
 
 def test_scores_are_those_of_all_terms_that_could_have_shown():
-    """Calibration sees mean and t of each admissible term, none of the reading's, all finite."""
+    """Calibration sees mean and t of each admissible term, none of the base's own, all finite."""
     null = null_scores(simulated("null", 4001)[0])
     result = null.terms
     refused = {item.slug for item in explained("null", 4001).not_testable}
-    of_stem = {slug for slug, term in catalogue().items() if term.acts_on is not ActsOn.READING}
-    assert set(result) == of_stem - refused
+    added = {slug for slug, term in catalogue().items() if not term.in_base}
+    assert set(result) == added - refused
     assert all(np.isfinite(pair).all() for pair in result.values())
     assert null.pair < LEAST_OF_A_PAIR
     assert {} == null_scores(recorded(command(), None)).terms

@@ -17,13 +17,12 @@ from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
 from stemwatch.models.mismatch.search import term_pairs
 from stemwatch.models.mismatch.search.term_pairs import best_pairs, with_pair
 from stemwatch.models.mismatch.search.term_selection import SelectionStage, TermScore, name_terms
-from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.stickslip.fit import Advantage
 from stemwatch.models.studies.simulator.hidden import draw_hidden
 from tests.models.mismatch.fitted_chain import simulated_by_chain
 
-TERMS = [term for term in catalogue().values() if term.acts_on is not ActsOn.READING]
+TERMS = [term for term in catalogue().values() if not term.in_base]
 PAIR = {"dead_time": 3.0, "lost_motion": 0.8}
 
 

@@ -30,7 +30,6 @@ from stemwatch.models.mismatch.search.term_selection import (
     pruned,
     reduced,
 )
-from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Recording
 from stemwatch.models.stickslip.fit import Advantage
@@ -42,7 +41,7 @@ from tests.models.mismatch.fitted_chain import (
     simulated_by_chain,
 )
 
-NAMES = [slug for slug, term in catalogue().items() if term.acts_on is not ActsOn.READING]
+NAMES = [slug for slug, term in catalogue().items() if not term.in_base]
 
 
 def begun(recording: Recording):
