@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def drift(
     valves: Annotated[
-        int, typer.Option(min=2, max=2000, help="Loops, each followed in three ways.")
+        int, typer.Option(min=2, max=2000, help="Loops, each followed through three fates.")
     ] = 120,
     seed: o.Seed = 2026,
     workers: o.Workers = None,
@@ -93,7 +93,7 @@ def _ratio_table(followed: Sequence[Followed]) -> Table:
     for name in ("scored", "windows refused", "lowest", "median", "nine in ten", "highest"):
         table.add_column(name, justify="right")
     for fate in ValveFate:
-        group = [valve for valve in followed if valve.way is fate]
+        group = [valve for valve in followed if valve.fate is fate]
         scores_of_fate = scores(followed, fate)
         refused = sum(followed.refused for followed in group)
         row = [

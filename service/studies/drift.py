@@ -75,7 +75,7 @@ class Followed:
 
     tag: str
     story: str
-    way: ValveFate
+    fate: ValveFate
     operation: OperatingChange | None
     S_before: float
     S: float
@@ -101,7 +101,7 @@ class DriftBatch:
 
     loops: tuple[tuple[int, PlantLoop], ...]
     seed: int
-    ways: tuple[ValveFate, ...]
+    fates: tuple[ValveFate, ...]
 
 
 def run_drift(
@@ -139,7 +139,7 @@ def follow_batch(batch: DriftBatch) -> list[Followed]:
     return [
         _follow(batch.seed, place_in_draw, loop, fate, fit.network, fit.reason or "")
         for (place_in_draw, loop), fit in zip(batch.loops, fits, strict=True)
-        for fate in batch.ways
+        for fate in batch.fates
     ]
 
 
@@ -173,7 +173,7 @@ def _follow(
     followed = Followed(
         tag=loop.tag,
         story=loop.story,
-        way=fate,
+        fate=fate,
         operation=operation,
         S_before=loop.valve.S_read,
         S=later[-1].valve.S_read,
@@ -270,7 +270,7 @@ def _score(baseline: NarxNetwork, window: PlantLoop, chance: int) -> BaselineSco
 
 def scores(followed: Sequence[Followed], *fates: ValveFate) -> list[float]:
     """The scores of the valves with one of these fates, where they have one."""
-    return [valve.score for valve in followed if valve.way in fates and valve.score is not None]
+    return [valve.score for valve in followed if valve.fate in fates and valve.score is not None]
 
 
 def calibrated_limit(healthy: Sequence[float], share: float) -> float | None:
@@ -294,7 +294,7 @@ def areas(followed: Sequence[Followed]) -> dict[str, Estimate]:
     growing = scores(followed, ValveFate.GROWING)
     estimates = {fate.value: area_estimate(growing, scores(followed, fate)) for fate in HEALTHY}
     estimates["both"] = area_estimate(growing, scores(followed, *HEALTHY))
-    ranked = [(valve.way, valve.score or 0.0) for valve in followed]
+    ranked = [(valve.fate, valve.score or 0.0) for valve in followed]
     estimates["both, a refusal being no alarm"] = area_estimate(
         [score for fate, score in ranked if fate is ValveFate.GROWING],
         [score for fate, score in ranked if fate in HEALTHY],
@@ -315,7 +315,7 @@ def limits(calibration: Sequence[Followed]) -> dict[str, float]:
 def alarms(followed: Sequence[Followed], limit: float) -> list[tuple[str, int, int]]:
     """Rows of (group of valves, number of alarms, number of scored valves)."""
     groups = [(fate.value, scores(followed, fate)) for fate in ValveFate]
-    grown = [valve for valve in followed if valve.way is ValveFate.GROWING]
+    grown = [valve for valve in followed if valve.fate is ValveFate.GROWING]
     for low, high in _BANDS:
         band = [followed for followed in grown if low <= round(followed.S, 6) < high]
         upto = f"{low:g} to {high:g} %" if high < 100.0 else f"{low:g} % and more"
@@ -347,6 +347,13 @@ def as_json(followed: Sequence[Followed], calibration: Sequence[Followed]) -> di
             }
             for name, limit in limits(calibration).items()
         },
-        "followed": [asdict(valve) | {"score": valve.score} for valve in followed],
-        "calibration": [asdict(followed) | {"score": followed.score} for followed in calibration],
+        "followed": [_as_row(valve) for valve in followed],
+        "calibration": [_as_row(valve) for valve in calibration],
     }
+
+
+def _as_row(valve: Followed) -> dict[str, Any]:
+    row = asdict(valve) | {"score": valve.score}
+    # As files that were written earlier call it.
+    row["way"] = row.pop("fate")
+    return row

@@ -35,16 +35,16 @@ VALVES, SEED = 3, 5
 
 @pytest.fixture(scope="module")
 def followed() -> list[Followed]:
-    """Three loops, each followed in three ways."""
+    """Three loops, each followed through three fates."""
     return run_drift(VALVES, SEED, InProcess(), lambda _: None)
 
 
-def of(way: ValveFate, *ratios: float | None, S: float = 0.3) -> Followed:
+def of(fate: ValveFate, *ratios: float | None, S: float = 0.3) -> Followed:
     """A valve with these ratios in its later windows."""
     return Followed(
         tag="FIC-1",
         story="healthy, quiet",
-        way=way,
+        fate=fate,
         operation=None,
         S_before=0.3,
         S=S,
@@ -64,9 +64,9 @@ MADE = [
 ]
 
 
-def test_every_loop_is_followed_in_every_way(followed: list[Followed]) -> None:
+def test_every_loop_is_followed_through_every_fate(followed: list[Followed]) -> None:
     """Three rows for each loop, each with a ratio or a refusal for each later window."""
-    assert [way for _ in range(VALVES) for way in ValveFate] == [item.way for item in followed]
+    assert [fate for _ in range(VALVES) for fate in ValveFate] == [item.fate for item in followed]
     assert {WINDOWS} == {len(item.ratios) for item in followed}
     assert [loop.tag for loop in draw_healthy(VALVES, SEED) for _ in ValveFate] == [
         item.tag for item in followed
@@ -76,7 +76,7 @@ def test_every_loop_is_followed_in_every_way(followed: list[Followed]) -> None:
 def test_only_growing_valves_grow(followed: list[Followed]) -> None:
     """A healthy valve keeps its S; a growing one ends where the product calls it sticking."""
     for item in followed:
-        if item.way in HEALTHY:
+        if item.fate in HEALTHY:
             assert item.S_before == item.S
         else:
             assert item.S_before < 1.0 < 1.49 < item.S <= 8.01
@@ -86,8 +86,8 @@ def test_only_growing_valves_grow(followed: list[Followed]) -> None:
 def test_growing_stiction_raises_the_ratio_of_a_valve_that_is_worked(followed) -> None:
     """Same baseline, but the valve that grew is followed worse; a quiet loop need not show it."""
     worked = [item for item in followed if item.story != "healthy, quiet"]
-    unchanged = [item.score for item in worked if item.way is ValveFate.UNCHANGED]
-    growing = [item.score for item in worked if item.way is ValveFate.GROWING]
+    unchanged = [item.score for item in worked if item.fate is ValveFate.UNCHANGED]
+    growing = [item.score for item in worked if item.fate is ValveFate.GROWING]
     assert len(unchanged) == len(growing) == 2
     assert 0.5 < max(unchanged) < 1.8 < min(growing)
 
@@ -96,12 +96,12 @@ def test_a_loop_is_the_same_alone_and_in_company(followed: list[Followed]) -> No
     """Neither the batch nor the number of valves changes what is found."""
     place = 1
     (loop,) = draw_healthy(VALVES, SEED)[place : place + 1]
-    alone = follow_batch(DriftBatch(loops=((place, loop),), seed=SEED, ways=tuple(ValveFate)))
+    alone = follow_batch(DriftBatch(loops=((place, loop),), seed=SEED, fates=tuple(ValveFate)))
     assert followed[place * len(ValveFate) : (place + 1) * len(ValveFate)] == alone
 
 
 def test_progress_counts_loops_and_not_rows() -> None:
-    """The caller hears of loops, whatever the number of ways."""
+    """The caller hears of loops, whatever the number of fates."""
     answer: list[int] = []
     run_drift(1, SEED, InProcess(), answer.append, HEALTHY)
     assert [1] == answer
@@ -110,7 +110,7 @@ def test_progress_counts_loops_and_not_rows() -> None:
 def test_a_loop_without_a_baseline_says_why() -> None:
     """A window too short to train on gives rows with the trainer's reason and no score."""
     loop = replace(draw_healthy(1, SEED)[0], duration_s=120.0)
-    result = follow_batch(DriftBatch(loops=((0, loop),), seed=SEED, ways=(ValveFate.UNCHANGED,)))
+    result = follow_batch(DriftBatch(loops=((0, loop),), seed=SEED, fates=(ValveFate.UNCHANGED,)))
     assert "too few usable samples" in result[0].reason
     assert result[0].score is None
 
@@ -132,7 +132,7 @@ def test_the_score_is_the_median_of_the_last_three_scored_windows(ratios, score,
 
 
 def test_scores_leave_out_valves_that_have_none() -> None:
-    """Two ways together, without the refused valve."""
+    """Two fates together, without the refused valve."""
     assert [1.0, 1.2, 3.4] == scores(MADE, *HEALTHY)
 
 
