@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.connectors.historian.values.columns import Column, finished
-from stemwatch.connectors.historian.values.quality_codes import Family, quality_of
+from stemwatch.connectors.historian.values.quality_codes import quality_of
 from stemwatch.models.recording import Bools, Floats, Quality
 
 _SHOWN = 30
@@ -26,7 +26,6 @@ class Codes:
     words: Sequence[str]
     index: NDArray[np.int64]
     name: str = "quality"  # of the column, for messages
-    family: Family = "unknown"
     good: tuple[str, ...] = ()  # codes that the user declared good
 
 
@@ -87,7 +86,6 @@ def bad_by_code(
         with_value,
         column=codes.name,
         good=codes.good,
-        family=codes.family,
         name=source_name,
         notes=notes,
     )

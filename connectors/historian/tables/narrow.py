@@ -85,7 +85,6 @@ def narrow_table(
     layout: str,
     family: Family = "unknown",
     day_first: bool | None = None,
-    utc: bool = False,
     decimal: str | None = None,
 ) -> RawTable:
     """The table of a file with one sample per row."""
@@ -93,7 +92,6 @@ def narrow_table(
         texts=_joined(columns, column_of.time),
         name=header[column_of.time[0]] if header else "",
         day_first=day_first,
-        utc=utc,
     )
     coded_ones = (column_of.tag, column_of.attribute, column_of.quality)
     code_together([columns[i] for i in coded_ones if i is not None])

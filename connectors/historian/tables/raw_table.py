@@ -20,9 +20,7 @@ class RawTimes:
     texts: Sequence[str] | None
     name: str = ""  # the header of the column
     milliseconds: Sequence[str] | None = None  # a column of its own, to be added
-    format: str | None = None  # strptime format the layout is sure of
     day_first: bool | None = None  # what the layout's product writes, where it is documented
-    utc: bool = False  # naive times are UTC by the product's definition
 
 
 @dataclass(frozen=True, kw_only=True)

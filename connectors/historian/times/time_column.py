@@ -450,8 +450,8 @@ def _in_zone(
     if not naive.any():
         offsets = offset_min if ok.all() else offset_min[ok]
         return Instants(ns=utc, ok=ok, in_utc=True, zone=_offset_sentence(offsets, notes))
-    if table.times.utc or _UTC_NAME.search(table.times.name):
-        notes.decide("The times are UTC by the name of their column or the format's definition.")
+    if _UTC_NAME.search(table.times.name):
+        notes.decide("The times are UTC by the name of their column.")
         return Instants(ns=utc, ok=ok, in_utc=True, zone="The times are written in UTC.")
     if options.zone is not None:
         notes.use("zone")

@@ -42,7 +42,7 @@ class FittedLine:
 class EffectSignature:
     """Points (m,) that show an effect. ``rising`` (m,) marks those of a rising stem.
 
-    ``groups`` names the two kinds of points; ``joined`` where they are a curve and no cloud.
+    ``joined`` where they are a curve and no cloud.
     """
 
     x_label: str
@@ -52,7 +52,6 @@ class EffectSignature:
     rising: Bools
     caption: str
     laws: tuple[FittedLine, ...] = ()
-    groups: tuple[str, str] = ("rising", "falling")
     joined: bool = False
 
 

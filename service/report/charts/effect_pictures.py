@@ -459,8 +459,8 @@ def _points(seen_signature: EffectSignature) -> Iterator[PlottedLine]:
     stride = -(-seen_signature.x.size // MOST_POINTS)
     kept_points = np.arange(0, seen_signature.x.size, stride)
     for kind, name, group in (
-        ("mv", seen_signature.groups[0], seen_signature.rising),
-        ("pv", seen_signature.groups[1], ~seen_signature.rising),
+        ("mv", "rising", seen_signature.rising),
+        ("pv", "falling", ~seen_signature.rising),
     ):
         chosen = kept_points[group[kept_points]]
         if chosen.size:

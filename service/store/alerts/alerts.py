@@ -192,17 +192,16 @@ class Alerts:
         *,
         valve: str | None = None,
         part: PartOfPlant = WHOLE_PLANT,
-        limit: int = MOST_ALERTS,
     ) -> list[StoredAlert]:
-        """The newest ``limit`` alerts in one of ``STATES``; those not closed in the order of the
-        ranking. With ``part`` only those about one of its valves."""
+        """The newest ``MOST_ALERTS`` alerts in one of ``STATES``; those not closed in the order of
+        the ranking. With ``part`` only those about one of its valves."""
         statement = select(AlertRow).where(*_in_state(state, now))
         if valve is not None:
             statement = statement.where(AlertRow.valve == valve)
         if part:
             of_part = select(ValveRow.id).where(*in_part(part))
             statement = statement.where(AlertRow.valve.in_(of_part))
-        newest = statement.order_by(AlertRow.opened.desc(), AlertRow.id.desc()).limit(limit)
+        newest = statement.order_by(AlertRow.opened.desc(), AlertRow.id.desc()).limit(MOST_ALERTS)
         with self._transactions.reading() as session:
             alerts = [stored_alert(row) for row in session.scalars(newest)]
             return alerts if state in ("closed", "all") else by_place(session, alerts)

@@ -80,11 +80,11 @@ def standing_defects(row: Any) -> tuple[str, ...]:
     return () if row.held_back else defects_of(row.mismatch_slugs, row.defects)
 
 
-def defective_column(source: Any = ScreeningRow) -> ColumnElement[bool]:
+def defective_column() -> ColumnElement[bool]:
     """Whether there is a defect that stands, as ``standing_defects`` tells it; never NULL."""
-    stands = not_(func.coalesce(remark_column(source), "") != "")
-    newest = and_(named_column(source), stands, func.coalesce(defects_column(source), "all") != "")
-    confirmed = confirmed_column(source)
+    stands = not_(func.coalesce(remark_column(), "") != "")
+    newest = and_(named_column(), stands, func.coalesce(defects_column(), "all") != "")
+    confirmed = confirmed_column()
     return case((confirmed.is_not(None), confirmed != ""), else_=newest)
 
 
