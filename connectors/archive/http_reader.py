@@ -116,7 +116,33 @@ class HttpReader:
         )
 
 
-def verified(name: str, url: str, authority: str) -> ssl.SSLContext | bool:
+def http_client(
+    name: str,
+    url: str,
+    authority: str,
+    timeout_s: float,
+    headers: Mapping[str, str],
+    auth: httpx.Auth | None = None,
+) -> httpx.Client:
+    """A client of the server at ``url``, whose certificate the file ``authority`` may vouch for.
+
+    Redirects are not followed, since they would carry the secret, and proxies and certificates that
+    the environment names are not used. Raises ``ConnectorError`` where the file is none.
+    """
+    import httpx
+
+    return httpx.Client(
+        base_url=url.rstrip("/") + "/",
+        auth=auth,
+        headers=headers,
+        timeout=timeout_s,
+        verify=_verified(name, url, authority),
+        follow_redirects=False,
+        trust_env=False,
+    )
+
+
+def _verified(name: str, url: str, authority: str) -> ssl.SSLContext | bool:
     """How the certificate of ``url`` is checked. Raises ``ConnectorError`` for a wrong file."""
     if urlsplit(url).scheme != "https":
         return True

@@ -16,9 +16,9 @@ import numpy as np
 
 from stemwatch.connectors.archive.http_reader import (
     HttpReader,
+    http_client,
     one_line,
     token_of,
-    verified,
 )
 from stemwatch.connectors.archive.number_column import number_of
 from stemwatch.connectors.connector import ConnectorError
@@ -205,26 +205,20 @@ class InfluxQuery:
 
 @contextmanager
 def connected(server: InfluxServer) -> Iterator[InfluxQuery]:
-    """A connection to ``server``; redirects are not followed, since they would carry the secret.
+    """A connection to ``server``.
 
     Raises ``ConnectorError`` where a package, the secret or the authority's file is missing.
     """
     try:
-        import httpx
+        import httpx  # noqa: F401
     except ImportError:
         raise ConnectorError(f"{server}: {_MISSING}") from None
     headers = {"Accept": "application/json"}
     if server.secret:
         headers["Authorization"] = f"Token {token_of(str(server), server.secret)}"
-    with httpx.Client(
-        base_url=server.url.rstrip("/") + "/",
-        headers=headers,
-        timeout=server.timeout_s,
-        verify=verified(str(server), server.url, server.authority),
-        follow_redirects=False,
-        trust_env=False,
-    ) as client:
-        yield InfluxQuery(server, HttpReader(str(server), client, server.timeout_s))
+    name = str(server)
+    with http_client(name, server.url, server.authority, server.timeout_s, headers) as client:
+        yield InfluxQuery(server, HttpReader(name, client, server.timeout_s))
 
 
 def _name(word: str) -> str:

@@ -18,9 +18,9 @@ from stemwatch.connectors.archive.http_reader import (
     HttpAnswer,
     HttpReader,
     Parameter,
+    http_client,
     one_line,
     token_of,
-    verified,
 )
 from stemwatch.connectors.connector import ConnectorError, UnknownTag
 from stemwatch.connectors.secret import Secret, masked
@@ -275,23 +275,17 @@ class _PageTooLarge(Exception):
 
 @contextmanager
 def connected(server: PiServer) -> Iterator[PiWebApi]:
-    """A connection to ``server``; redirects are not followed, since they would carry the secret.
+    """A connection to ``server``.
 
     Raises ``ConnectorError`` where a package, the secret or the authority's file is missing.
     """
     try:
-        import httpx
+        import httpx  # noqa: F401
     except ImportError:
         raise ConnectorError(f"{server}: {_MISSING}") from None
-    base = server.url.rstrip("/") + "/"
-    with httpx.Client(
-        base_url=base,
-        auth=_auth(server),
-        headers=_headers(server),
-        timeout=server.timeout_s,
-        verify=verified(str(server), server.url, server.authority),
-        follow_redirects=False,
-        trust_env=False,
+    auth, headers = _auth(server), _headers(server)
+    with http_client(
+        str(server), server.url, server.authority, server.timeout_s, headers, auth
     ) as client:
         yield PiWebApi(server, client)
 
