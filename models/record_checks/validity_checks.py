@@ -361,7 +361,8 @@ def movement_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
             )
         return [Obstacle("manual" if manual else "op_still", reason, remedy)]
     if turns < limits.min_reversals:
-        reason = f"{manual}OP turned round only {times(turns)}; stiction shows at reversals"
+        how_often = f"turned round only {times(turns)}" if turns else "never turned round"
+        reason = f"{manual}OP {how_often}; stiction shows at reversals"
         return [Obstacle("manual" if manual else "few_reversals", reason, remedy)]
     per_cycle = 2.0 * op.size / turns
     if per_cycle < limits.min_samples_per_cycle:
