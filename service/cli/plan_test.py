@@ -65,9 +65,9 @@ def plan_test(
 ) -> None:
     """Plan the test that would tell what a recording left open, within limits.
 
-    A person sets OP by hand as the sheet says; stemwatch never writes to a plant. From the store
-    it takes the valve's last screening, from a file the recording, explained at once. It says when
-    nothing is left to be told apart, and when no test within the limits can tell.
+    A person sets OP by hand as the sheet says; stemwatch never writes to a plant. It plans from the
+    valve's last screening in the store, or explains the file it is given. It says when nothing is
+    left to be told apart, and when no test within the limits can tell.
     """
     from stemwatch.models.field_test.programme import TestLimits
     from stemwatch.service.cli import views
