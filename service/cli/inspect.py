@@ -66,8 +66,7 @@ def inspect(
         return
     if source or pattern:
         raise typer.BadParameter(
-            f"--source and --pattern are for archives; {file} is no plant file (.toml) that names "
-            "one",
+            f"--source and --pattern are for archives; {file} is not a plant file (.toml)",
             param_hint="FILE",
         )
     _inspect_exports(file, options, write, json_file)

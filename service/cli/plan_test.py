@@ -108,8 +108,8 @@ def _refuse_of_file(valve: str, options: RecordingOptions) -> None:
     if option_names:
         option = "--" + option_names[0].replace("_", "-")
         raise typer.BadParameter(
-            f"{option} says what is read of a file, and {valve} is none; leave it out for a valve "
-            "of the store, or give the path of its export",
+            f"{option} says how a file is read, and {valve} is not a file; leave it out for a "
+            "valve of the store, or give the path of its export",
             param_hint=option,
         )
 
