@@ -52,7 +52,7 @@ NEXT = {
 
 LONGER = "Record a longer window, or one in which OP reverses more often."
 STEPPED = (
-    "See that OP is what this valve is told (its own tag, in percent of its stroke) and that the "
+    "Check that OP is what this valve is told (its own tag, in percent of its stroke) and that the "
     "position is its own. If so, record a stretch in which OP is stepped up and down, each step "
     "held until the stem rests, and screen that."
 )
@@ -382,10 +382,10 @@ def _in_either_range(decision: Decision, evidence: DecisionEvidence) -> Decision
     give = f"{stored.unit}, give low = {stored.low:g}, high = {stored.high:g}"
     if evidence.both_in is not None:
         seen = f"OP and position both stay within {in_range}: if they are"
-        ask = f"See whether OP and position are in percent. If they are in {give} for both"
+        ask = f"Check whether OP and position are in percent. If they are in {give} for both"
     else:
         seen = f"OP stays within {in_range}, far from where the position is: if it is"
-        ask = f"See whether OP is in percent. If it is in {give} for it"
+        ask = f"Check whether OP is in percent. If it is in {give} for it"
     return replace(
         decision,
         reason=(

@@ -185,7 +185,7 @@ def foreign_obstacles(recording: Recording) -> list[Obstacle]:
                 "position_sums_op",
                 "the position moves as fast as OP says, wherever it is: OP is a speed, a force or "
                 "the pulses of an electric actuator, and not the position that the valve is told",
-                "See that OP is what this valve is told: map the position that its positioner or "
+                "Check that OP is what this valve is told: map the position that its positioner or "
                 "drive is given.",
             )
         ]
@@ -355,13 +355,14 @@ def movement_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
                 f"{stored.times * op_swing:.0f} %"
             )
             remedy = (
-                f"See whether OP is in percent. If it is stored as {in_range}, give low = "
+                f"Check whether OP is in percent. If it is stored as {in_range}, give low = "
                 f"{stored.low:g}, high = {stored.high:g} for it in the plant file, and the range "
                 f"of the position likewise. If it is in percent: {remedy}"
             )
         return [Obstacle("manual" if manual else "op_still", reason, remedy)]
     if turns < limits.min_reversals:
-        reason = f"{manual}OP turned round only {times(turns)}; stiction shows at reversals"
+        how_often = f"turned round only {times(turns)}" if turns else "never turned round"
+        reason = f"{manual}OP {how_often}; stiction shows at reversals"
         return [Obstacle("manual" if manual else "few_reversals", reason, remedy)]
     per_cycle = 2.0 * op.size / turns
     if per_cycle < limits.min_samples_per_cycle:

@@ -212,7 +212,7 @@ def _of_weeks(
 
 
 def _suspicion(record: ValveRecord, rules: AlertRules) -> RaisedAlert | AlertDecision:
-    """The alert, or what else to do, about sticking that OP and PV alone let suspect in windows
+    """The alert, or what else to do, about sticking that OP and PV alone suggest in windows
     without a verdict; a verdict says more. Without the user's wish there is none."""
     if not rules.sticking_suspected:
         return AlertDecision.CLEAR
@@ -235,7 +235,7 @@ def _suspicion(record: ValveRecord, rules: AlertRules) -> RaisedAlert | AlertDec
 
 
 def _is_suspected(screening: JudgedScreening) -> bool | None:
-    """Whether OP and PV alone let sticking be suspected; ``None`` where they cannot tell."""
+    """Whether sticking is suspected from OP and PV alone; ``None`` where they cannot tell."""
     if screening.verdict is not Verdict.UNDETERMINED:
         return False
     told = screening.without_position

@@ -181,7 +181,7 @@ def _show(link: str) -> None:
     from stemwatch.service.cli import views
 
     views.out.print(views.escape(link), highlight=False, soft_wrap=True)
-    views.say_next("give it to whom it is for, and to nobody else: it works once.")
+    views.say_next("give it only to the person it is for: it works once.")
 
 
 def _say_done(text: str) -> None:

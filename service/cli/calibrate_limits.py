@@ -30,11 +30,11 @@ def calibrate_archives(
 
     Sticking and healthy valves are simulated as `robustness` does, whole and in pieces of five
     minutes, healthy ones also with a noisy PV, and sticking ones of all kinds of loops as `trial`
-    does. Kept every second by one clock they are the nulls: at most one of twenty may lie beyond
-    all limits that belong together, and each limit must be met by some that meet the others. What
-    the limit would have to be for that is printed beside it. Stored 5 s late, every 5 or 10 s or as
-    averages the valves show how many each limit finds. What is printed of the stem's lateness is
-    what it says without a PV.
+    does. Stored every second by one clock they are the nulls: at most one of twenty may lie beyond
+    all limits that belong together, and each limit must be met by some that meet the others. Beside
+    each limit stands what it would have to be for that. The same valves stored 5 s late, every 5 or
+    10 s or as averages show how many each limit finds. The stem's lateness is printed as it is seen
+    without a PV.
     """
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
@@ -64,10 +64,10 @@ def calibrate_wiring(
     """Print the limits of the wiring checks beside recordings whose tags and ranges are right.
 
     Valves are simulated as `miswiring` does, sticking and healthy in turn, and as many with hidden
-    effects. Wired up rightly, whole and in pieces, behind curves, late and kept slowly they are the
-    nulls: none may lie beyond all limits of a check, or a valve would lose its verdict by it. How
-    near they come is printed beside each limit, and how many of the same valves lie beyond where
-    tags or ranges are mixed up.
+    effects. Those with the right tags, whole and in pieces, behind curves, late and stored slowly,
+    are the nulls: none may lie beyond all limits of a check, or a valve would lose its verdict by
+    it. Beside each limit stands how near they come, and how many of the same valves lie beyond it
+    with tags or ranges mixed up.
     """
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor

@@ -59,7 +59,7 @@ def version(plant: PlantFile = None, db: Url = "") -> None:
         f"{address}: schema {revision or 'none'}; this program writes {newest_revision()}"
     )
     if revision == newest_revision():
-        views.say_next("nothing has to be done; `stemwatch db check` looks it over.")
+        views.say_next("nothing needs to be done; `stemwatch db check` looks it over.")
     elif is_newer(revision):
         views.say_next(
             "a newer stemwatch has written this database: install that version, or take the schema "

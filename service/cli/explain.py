@@ -39,8 +39,8 @@ def explain(
 ) -> None:
     """Say where S and J alone do not follow a recording, and which physics they leave out.
 
-    The residual is located, the effect named from a catalogue or left as candidates, the extended
-    model fitted, and S and J restated with it. What the recording could not have shown is said.
+    It shows where the residual is, names the effect from a catalogue or gives the candidates, fits
+    it, and restates S and J with it. It also lists what the recording could not have shown.
     """
     _report(_explained(request, narx, workers), request, out, json_file)
 

@@ -17,7 +17,7 @@ def feedback(
 ) -> None:
     """Count what people said of the findings: right, wrong, partly right; export it as labels.
 
-    It is given on the page of each valve, by those who may record maintenance.
+    Those who may record maintenance say it on the page of each valve.
     """
     from stemwatch.service.cli import views
     from stemwatch.service.maintenance.labels import labels_csv

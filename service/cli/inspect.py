@@ -35,7 +35,7 @@ def inspect(
         Path | None,
         typer.Option(help="Write the proposed plant file here, unless it is there already."),
     ] = None,
-    source: Annotated[str, _of_archives(help="Of a plant file, only this source.")] = "",
+    source: Annotated[str, _of_archives(help="Only this source of the plant file.")] = "",
     pattern: Annotated[
         str,
         _of_archives(
@@ -47,14 +47,13 @@ def inspect(
 ) -> None:
     """Show what is understood of an export, and propose a mapping for plant.toml.
 
-    Where OP strokes a valve by a curve, as in a split range, the curve is proposed as well.
+    It prints encoding, separator, decimal mark, layout, time zone, every tag with unit and role,
+    sampling interval and jitter, bad values, gaps, and signs of compression, quantisation and
+    frozen signals. A tag named MV may be the controller output or the valve position: it is never
+    guessed. If OP strokes a valve by a curve, as in a split range, the curve is proposed as well.
 
-    Of a plant file the tags of its archives (PI, InfluxDB, OPC UA, SQL, Parquet) are listed, and
-    valves are proposed by their names.
-
-    Encoding, separator, decimal mark, layout, time zone, every tag with unit and role, sampling
-    interval and jitter, bad values, gaps, and evidence of compression, quantisation and frozen
-    signals. A tag named MV may be the controller output or the valve position: it is never guessed.
+    Given a plant file, it lists the tags of its archives (PI, InfluxDB, OPC UA, SQL, Parquet) and
+    proposes valves by their names.
     """
     if not file.is_dir():
         o.need_file(file, "FILE")
@@ -67,8 +66,7 @@ def inspect(
         return
     if source or pattern:
         raise typer.BadParameter(
-            f"--source and --pattern are for archives; {file} is no plant file (.toml) that names "
-            "one",
+            f"--source and --pattern are for archives; {file} is not a plant file (.toml)",
             param_hint="FILE",
         )
     _inspect_exports(file, options, write, json_file)

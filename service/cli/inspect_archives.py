@@ -52,21 +52,29 @@ def inspect_archives(
     }
     known = set(plant.valves)
     lines: list[str] = []
+    found: set[str] = set()
     for name, infos in tags_of_source.items():
         tags = [ProposedTag.listed(info) for info in infos]
         valves = valves_of(tags)
         views.say_result(f"{name}: {len(tags)} tags, {len(valves)} valves by their names")
         _show_valves(tags, valves)
         lines += [*valves_toml(tags, name, known), *questions_toml(tags)]
-        known |= set(valves)
+        found |= set(valves)
+        known |= found
     if json_file is not None:
         objects = {name: [asdict(info) for info in infos] for name, infos in tags_of_source.items()}
         views.write_file(json_file, json.dumps(objects, indent=1, default=str) + "\n")
     if not any(line.startswith("[[valves]]") for line in lines):
         views.say(
-            "No new valve is proposed: no tag is certain to be a controller output (.OP, .OUT, "
-            ".CO and kin). Try another --pattern, or name the tags in a valve list."
+            f"No new valve is proposed: {file} has all of these."
+            if found
+            else "No new valve is proposed: no tag is certain to be a controller output (.OP, "
+            ".OUT, .CO and the like). Try another --pattern, or name the tags in a valve list."
         )
+    if write is None and not any(lines):
+        if found:
+            views.say_next(f"stemwatch screen --plant {file}")
+        return
     proposed = "\n".join(lines[1:] if lines[:1] == [""] else lines) + "\n"
     if write is None:
         inspection_views.show_proposal(proposed)

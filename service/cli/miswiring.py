@@ -68,8 +68,8 @@ def _print(rows: Sequence[WiringRow]) -> None:
     views.out.print(table)
     wrong, valves = sum(row.confidently_wrong for row in rows), sum(row.valves for row in rows)
     views.out.print(
-        f"{wrong} of {valves} wrong with a confidence of 0.8 or more. wrong: so, and at any "
-        "confidence; right: neither wrong nor undetermined; said: of those, with a sentence on "
-        "what was read otherwise",
+        f"{wrong} of {valves} wrong with a confidence of 0.8 or more. Columns: wrong, with that "
+        "confidence and with any; right, neither wrong nor undetermined; said, those of the right "
+        "ones with a sentence on what was read otherwise.",
         highlight=False,
     )

@@ -65,9 +65,9 @@ def plan_test(
 ) -> None:
     """Plan the test that would tell what a recording left open, within limits.
 
-    A person sets OP by hand as the sheet says; stemwatch never writes to a plant. From the store
-    it takes the valve's last screening, from a file the recording, explained at once. It says when
-    nothing is left to be told apart, and when no test within the limits can tell.
+    A person sets OP by hand as the sheet says; stemwatch never writes to a plant. It plans from the
+    valve's last screening in the store, or explains the file it is given. It says when nothing is
+    left to be told apart, and when no test within the limits can tell.
     """
     from stemwatch.models.field_test.programme import TestLimits
     from stemwatch.service.cli import views
@@ -108,8 +108,8 @@ def _refuse_of_file(valve: str, options: RecordingOptions) -> None:
     if option_names:
         option = "--" + option_names[0].replace("_", "-")
         raise typer.BadParameter(
-            f"{option} says what is read of a file, and {valve} is none; leave it out for a valve "
-            "of the store, or give the path of its export",
+            f"{option} says how a file is read, and {valve} is not a file; leave it out for a "
+            "valve of the store, or give the path of its export",
             param_hint=option,
         )
 

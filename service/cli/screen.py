@@ -56,7 +56,7 @@ def screen(
     area: o.Area = None,
     unit: o.Unit = None,
 ) -> None:
-    """Fit every valve of an export and leave a report: HTML, CSV, XLSX and JSON.
+    """Fit every valve of an export and leave a report, pages to print, work orders and tables.
 
     Each valve is judged sticky, defective, watch, healthy or undetermined, with the reason. Without
     --plant and --op the roles are taken from tags and descriptions where they leave no doubt.

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from stemwatch.models.studies.simulator import PlantLoop, SimulatedLoop
 
 START = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
+COUNT = 20  # random loops, where the user names no number
 LIVE = "A live plant behind Modbus"
 
 Modbus = Annotated[
@@ -62,7 +63,10 @@ def simulate(
     what: Annotated[
         LoopKind, typer.Option(help="The demo plant, or random healthy or sticking loops.")
     ] = LoopKind.DEMO,
-    count: Annotated[int, typer.Option(min=1, max=10_000, help="How many, if random.")] = 20,
+    count: Annotated[
+        int | None,
+        typer.Option(min=1, max=10_000, help=f"How many random loops, by default {COUNT}."),
+    ] = None,
     seed: o.Seed = 1,
     start: Annotated[str, typer.Option(help="Time of the first sample, ISO.")] = "",
     zone: o.Zone = "Europe/Berlin",
@@ -83,6 +87,12 @@ def simulate(
     With --modbus the loops run on behind a Modbus server that only answers requests to read, and
     the plant.toml that reads them is written. The first valve wears unless --wear names others.
     """
+    if count is not None and what is LoopKind.DEMO:
+        raise typer.BadParameter(
+            "the demo plant always has its fifteen loops; give --what healthy or --what sticky",
+            param_hint="--count",
+        )
+    count = count or COUNT
     if modbus:
         from stemwatch.service.cli.simulate_modbus import serve_modbus
 

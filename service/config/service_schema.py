@@ -134,7 +134,9 @@ class NotifierTable(TomlTable):
     needed."""
 
     name: Name = Field(description="a name of its own for the notifier, as text")
-    kind: Name = Field(description='"mail", "webhook", "file", or that of a package of one\'s own')
+    kind: Name = Field(
+        description='"mail", "webhook", "file", or a kind from a package of your own'
+    )
     least_severity: Severity = Field(default="low", description='"high", "medium" or "low"')
     host: Name | None = Field(default=None, description="the mail server's name, as text")
     port: Annotated[int, Field(ge=1, le=65535)] | None = Field(
@@ -156,7 +158,7 @@ class NotifierTable(TomlTable):
     allow_private: bool = Field(default=False, description="true or false")
     path: Name | None = Field(default=None, description="a file, relative to the plant file")
     options: dict[str, Any] = Field(
-        default={}, description="a table with the keys of a kind from a package of one's own"
+        default={}, description="a table with the keys of a kind from a package of your own"
     )
 
     @model_validator(mode="after")

@@ -24,7 +24,7 @@ RULE_WORDS = {
     "grown_S_percent": "growth of S, in percent of OP span, that is worth an alert",
     "foreseen_within_weeks": "an alert is raised when a valve will probably stick within so many "
     "weeks",
-    "sticking_suspected": "whether sticking that OP and PV alone let suspect raises an alert",
+    "sticking_suspected": "whether a suspicion from OP and PV alone raises an alert",
     "silent_after_s": "seconds without a good sample after which a device is silent",
     "common_valves": "this many valves of an area, unit or source with the same finding become one "
     "alert",

@@ -48,7 +48,7 @@ def stale_data(
     sentences = [_silent(source, now) for source in silent]
     sentences += [
         f"The schedule {schedule.name} was due {_ago(now - schedule.next_due)} ago and has not "
-        "begun: see whether stemwatch serve is running."
+        "begun: check whether stemwatch serve is running."
         for schedule in schedules
         if schedule.next_due is not None and now - schedule.next_due > OVERDUE + schedule.spread
     ]

@@ -49,7 +49,7 @@ def suspicion_title(suspicion: WithoutPosition) -> str:
 
 def worth_a_test(screening: Screening) -> bool:
     """Whether the loop deserves a position transmitter or a test before the others: it has no
-    verdict, and OP and PV alone let sticking be suspected."""
+    verdict, and sticking is suspected from OP and PV alone."""
     suspicion = screening.without_position
     return (
         screening.verdict is Verdict.UNDETERMINED

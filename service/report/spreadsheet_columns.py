@@ -194,7 +194,7 @@ def _mismatch() -> list[SpreadsheetColumn]:
         _text("beyond chance", BEYOND_CHANCE, lambda v: STANDING[v.stands], 14),
         SpreadsheetColumn(
             header="p value",
-            meaning="how probable as strong an effect is on a valve with nothing hidden",
+            meaning="how probable an effect as strong as this is on a valve with nothing hidden",
             read=_p_value,
             digits=4,
         ),
@@ -229,7 +229,7 @@ def _without_position() -> list[SpreadsheetColumn]:
         return None if suspicion is None else suspicion.apparent_S.value
 
     return [
-        _text("OP and PV alone", "what they let suspect; not a verdict", _suspicion, 14),
+        _text("OP and PV alone", "whether they suggest sticking; not a verdict", _suspicion, 14),
         SpreadsheetColumn(
             header="sticking score (0 to 1)", meaning="by OP and PV alone", read=read("score")
         ),

@@ -331,7 +331,23 @@ def test_valves_of_a_pi_server_are_proposed_from_the_names_of_its_points(
 
     again = stemwatch("inspect", plant)
     assert again.status == 0, again.said
-    assert "No new valve is proposed" in again.said
+    assert "No new valve is proposed: " in again.said
+    assert "has all of these" in again.said
+
+
+def test_where_the_plant_file_has_every_valve_of_its_archive_nothing_is_to_be_added(
+    stemwatch, pi_file: tuple[Path, Served]
+) -> None:
+    """No empty proposal; what is next is to screen them."""
+    file, _ = pi_file
+    plant = file.with_name("plant.toml")
+    assert stemwatch("inspect", file, "--pattern", "FIC*", "--write", plant).status == 0
+    again = stemwatch("inspect", plant, "--pattern", "FIC*")
+    assert again.status == 0, again.said
+    assert "has all of these" in again.said
+    assert "Proposed for plant.toml" not in again.said
+    assert "add this to" not in again.said
+    assert f"stemwatch screen --plant {plant}" in again.said
 
 
 def test_only_points_that_fit_the_pattern_are_asked_for(

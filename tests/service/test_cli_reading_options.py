@@ -109,7 +109,7 @@ ERRORS = {
     ),
     "a valve of the store": (
         ("plan-test", "FIC-101", "--db", "sqlite:///none.db", "--interval-s", "20"),
-        "--interval-s says what is read of a file, and FIC-101 is none",
+        "--interval-s says how a file is read, and FIC-101 is not a file",
     ),
 }
 

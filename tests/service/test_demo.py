@@ -194,3 +194,11 @@ def test_a_start_that_is_no_time_is_refused(stemwatch, tmp_path: Path) -> None:
     assert outcome.status == 2
     assert "'soon' is not a time" in outcome.said
     assert not (tmp_path / "x").exists()
+
+
+def test_a_count_of_the_demo_plant_is_refused(stemwatch, tmp_path: Path) -> None:
+    """Its loops are always the same ones: --count would change nothing, and says so."""
+    outcome = stemwatch("simulate", "--count", 2, "--out", tmp_path / "x")
+    assert outcome.status == 2
+    assert "--what healthy or --what sticky" in " ".join(outcome.said.replace("│", " ").split())
+    assert not (tmp_path / "x").exists()

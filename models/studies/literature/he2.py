@@ -45,7 +45,7 @@ HE2 = KernelModel(
     limits=(
         "The stem sticks again at every sample: a ramp becomes a staircase with steps of at least "
         "J, whose size depends on the sampling interval. It is the canonical element with "
-        "'always re-stick' (identity I4).",
+        "'always re-stick'.",
         "Said to fail ramp and step tests in the style of ISA-75.25 (from memory).",
     ),
     run=_run,

@@ -50,7 +50,7 @@ HE3 = KernelModel(
         "e = u - y; elsewhere it stays."
     ),
     limits=(
-        "With K = 1 it is he2 (identity I5) and shares its limits.",
+        "With K = 1 it is he2 and shares its limits.",
         "That K of about 1.99 is an undamped spring is quoted from memory.",
     ),
     run=_run,

@@ -85,7 +85,7 @@ KANO_ASYMMETRIC = KernelModel(
     ),
     limits=(
         "Friction levels that are larger by the same amount upward and smaller by it downward do "
-        "not show as different S at all: they are a shift of the command (identity I15), which "
+        "not show as different S at all: they are a shift of the command, which "
         "the free zero of a fit takes up.",
         "A force balance needs S_up - J_up = S_down - J_down; other choices have no friction "
         "behind them.",

@@ -14,7 +14,7 @@ from stemwatch.models.recording import Floats
 from stemwatch.models.studies.literature.model import Parameter
 
 MOST = 200.0  # percent of OP
-UNREAD = "quoted from memory, the paper was not read again"
+UNREAD = "quoted from memory"
 
 
 def band(name: str = "S", suffix: str = "") -> Parameter:

@@ -44,7 +44,7 @@ STENMAN = KernelModel(
     text="y[k] = y[k-1] where |u[k] - y[k-1]| <= d, else y[k] = u[k].",
     limits=(
         "There is no kinetic friction: after each jump the stem is exactly where the command is. "
-        "It is he2 with fs = d and fd = 0 (identity I6).",
+        "It is he2 with fs = d and fd = 0.",
         "It cannot describe a dead band.",
     ),
     run=_run,

@@ -47,8 +47,8 @@ XCH = KernelModel(
         "d (u - y) > fd; a resting one lets go when |u - y| > fs."
     ),
     limits=(
-        "This reconstruction is identical to the canonical element on every signal tried "
-        "(identity I2); the original may differ.",
+        "This reconstruction is identical to the canonical element on every signal tried; "
+        "the original may differ.",
         "Shares the canonical element's weakness for repeated samples (A3).",
     ),
     run=_run,

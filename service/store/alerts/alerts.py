@@ -35,7 +35,7 @@ class AlertKind(StrEnum):
     GROWN = "grown"  # S is significantly larger than in the baseline's window
     BASELINE = "baseline"  # MV no longer follows the baseline network
     MISMATCH = "mismatch"  # an effect beside S and J was named
-    SUSPECTED = "suspected"  # OP and PV alone let sticking be suspected; only if the plant asks
+    SUSPECTED = "suspected"  # sticking suspected from OP and PV alone; only if the plant asks
     NO_DATA = "no_data"  # a source delivers nothing
     COMMON = "common"  # the same finding on many valves at once
 

@@ -235,7 +235,9 @@ def test_an_op_alone_that_may_be_stored_in_milliamperes_is_told(S):
     told = S > 0.05
     expected = f"far from where the position is: if it is stored in mA, S is {6.25 * S:.1f} %"
     assert (expected in decision.reason) == told
-    assert ("See whether OP is in percent. If it is in mA, give low = 4" in decision.advice) == told
+    assert (
+        "Check whether OP is in percent. If it is in mA, give low = 4" in decision.advice
+    ) == told
     doubted = told and plain.verdict is not Verdict.STICKY
     assert decision.confidence == (0.5 if doubted else plain.confidence)
 

@@ -73,7 +73,7 @@ def slightly_off(valve: str) -> Screening:
 
 def every_kind() -> list[Screening]:
     """Sticky, sticky with an effect, defective, to watch, healthy, and what cannot be judged, for
-    each main reason, also where OP and PV alone let sticking be suspected or show no sign of it."""
+    each main reason, also where OP and PV alone suggest sticking or show no sign of it."""
     return [*_made_once()]
 
 

@@ -1,5 +1,5 @@
 """What stands beside the verdict, as one run was stored, reported, served, ordered and told: the
-state of NAMUR NE 107, when S will reach its limit, what OP and PV alone let suspect, loops that
+state of NAMUR NE 107, when S will reach its limit, what OP and PV alone suggest, loops that
 oscillate together, and findings that chance alone may have named."""
 
 from __future__ import annotations

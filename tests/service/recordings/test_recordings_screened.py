@@ -213,7 +213,7 @@ def test_a_recording_of_25_seconds_is_judged_by_its_samples(screened: Screened) 
     assert (valve["verdict"], valve["stem_verdict"]) == ("undetermined", "undetermined")
     assert valve["stiction"]["S"]["value"] is None
     assert "OP is a speed, a force or" in valve["reason"]
-    assert valve["advice"].startswith("See that OP is what this valve is told")
+    assert valve["advice"].startswith("Check that OP is what this valve is told")
 
 
 def test_two_tanks_are_not_a_sticking_valve(screened: Screened) -> None:

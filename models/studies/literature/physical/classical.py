@@ -31,7 +31,7 @@ def classical(
     """The classical friction model of ``valve``; parameters Fs, Fc (N) and Fv (N s/m)."""
     return KernelModel(
         name="classical",
-        source=f"Textbook Coulomb friction with a Stribeck drop; {SECTION}, {UNREAD}.",
+        source=f"Textbook Coulomb friction with a Stribeck drop; {SECTION} {UNREAD}.",
         parameters=friction_parameters(valve),
         text=(
             BALANCE + f"v != 0: Ff = {STRIBECK}. v == 0: Ff = clip(Fe, -Fs, Fs) with the force "

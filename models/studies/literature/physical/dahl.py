@@ -30,7 +30,7 @@ def dahl(valve: ParameterSet = USUAL, tolerance_percent: float = TOLERANCE_PERCE
 
     return KernelModel(
         name="dahl",
-        source=f"Dahl, A solid friction model (1968); {SECTION}, {UNREAD}.",
+        source=f"Dahl, A solid friction model (1968); {SECTION} {UNREAD}.",
         parameters=(coulomb_level(valve), viscous(valve)),
         text=BALANCE + "z' = v - s0 |v| z/Fc, Ff = s0 z + Fv v.",
         limits=(

@@ -28,7 +28,7 @@ def karnopp(
         name="karnopp",
         source=(
             "Karnopp, Computer simulation of stick-slip friction in mechanical dynamic systems "
-            f"(1985), doi:10.1115/1.3140698; {SECTION}, {UNREAD}."
+            f"(1985), doi:10.1115/1.3140698; {SECTION} {UNREAD}."
         ),
         parameters=friction_parameters(valve),
         text=(

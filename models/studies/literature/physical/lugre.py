@@ -29,7 +29,7 @@ def lugre(valve: ParameterSet = USUAL, tolerance_percent: float = TOLERANCE_PERC
         source=(
             "Canudas de Wit, Olsson, Astrom and Lischinsky, A new model for control of systems "
             "with friction, IEEE Trans. Automatic Control 40 (1995), doi:10.1109/9.376053; "
-            f"{SECTION}, {UNREAD}."
+            f"{SECTION} {UNREAD}."
         ),
         parameters=friction_parameters(valve),
         text=(

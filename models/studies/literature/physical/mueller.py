@@ -61,7 +61,7 @@ def mueller(
         ),
         limits=(
             "The equations of the cited paper are not available: this is not that model.",
-            "The flow force cannot be told from an error of the position's span (identity I17), "
+            "The flow force cannot be told from an error of the position's span, "
             "nor a dead time in the air from a skew of clocks.",
             "OP is taken as a straight line between samples.",
             "At a stop the stem loses its speed; there is no seat that gives.",

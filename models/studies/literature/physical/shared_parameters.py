@@ -22,7 +22,7 @@ LEAST_N = 1.0  # with a friction level of 0 the bristles would have no length
 
 BALANCE = "m x'' = Sa P - k x - Finit - Ff. "
 STRIBECK = "[Fc + (Fs - Fc) exp(-(v/vs)^2)] sign(v) + Fv v"
-SECTION = "force balance and friction law from memory"
+SECTION = "force balance and friction law"
 
 
 def friction_parameters(valve: ParameterSet) -> tuple[Parameter, Parameter, Parameter]:

@@ -86,7 +86,7 @@ def test_old_data_are_said_and_fresh_ones_are_not() -> None:
     assert text == [
         "The source gateway has delivered no good sample for 3 days (refused): its valves are not "
         "watched.",
-        "The schedule nightly was due 5 hours ago and has not begun: see whether stemwatch serve "
+        "The schedule nightly was due 5 hours ago and has not begun: check whether stemwatch serve "
         "is running.",
         "The last run failed: no export was found.",
         "The newest recording that was screened ended 6 days ago: what is shown here is as old.",
