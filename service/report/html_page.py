@@ -230,6 +230,7 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "finding_title": lambda finding: mismatch_words.FINDING_TITLE[finding],
         "finding_meaning": lambda finding: mismatch_words.FINDING_MEANING[finding],
         "not_yet_said": words.not_yet_said,
+        "as_sentences": words.as_sentences,
         "response_table": response_table,
         "histogram_table": histogram_table,
         "presented": present_effect,

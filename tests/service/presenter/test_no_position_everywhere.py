@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +12,7 @@ from rich.text import Text
 
 from stemwatch.service.cli import screening_views as views
 from stemwatch.service.maintenance.work_list import work_list_of
+from stemwatch.service.maintenance.work_orders import orders_csv
 from stemwatch.service.presenter.suspicion_words import SUSPECTED_NOTE
 from stemwatch.service.report import write_report
 from stemwatch.service.report.ranking import rank_valves
@@ -29,7 +32,8 @@ def test_suspected_loops_and_those_without_a_sign_are_told_alike_everywhere(
 ) -> None:
     """A loop to test first is marked in every ranking, leads the orders, and is nowhere among those
     of which nothing can be told; one without a sign is marked too and makes no work order, as its
-    advice says. The terminal has the step for each answer."""
+    advice says. Page and order of the suspected one are called so. The terminal has the step for
+    each answer."""
     answers = {
         "A-NONE": no_sign(),
         "B-DUMB": cannot_tell("the record is short"),
@@ -45,6 +49,9 @@ def test_suspected_loops_and_those_without_a_sign_are_told_alike_everywhere(
     )
     listed = work_list_of(every, context(every))
     assert [one.screening.valve for one in listed.to_work_on] == ["C-FIRST", "B-DUMB"]
+    assert [one.title for one in listed.to_work_on] == [SUSPECTED_NOTE, "no position feedback"]
+    orders = csv.DictReader(io.StringIO(orders_csv(listed).decode("utf-8-sig")))
+    assert [row["short_text"] for row in orders] == [SUSPECTED_NOTE, "no position feedback"]
     told = [Text.from_markup(line).plain for line in views.undetermined_lines(every)]
     assert [line.partition("  ")[0] for line in told] == [
         "sticking suspected C-FIRST",
