@@ -110,6 +110,17 @@ def test_it_serves_works_and_stops_in_order(csv_site: Site) -> None:
     assert "Traceback" not in csv_site.log()
 
 
+def test_the_first_link_leads_to_where_people_reach_the_pages(csv_site: Site) -> None:
+    """Behind a proxy or in a container nobody could open the address that is listened on."""
+    file = csv_site.folder / "plant.toml"
+    named = '[service]\naddress = "https://valves.plant.example/"\n'
+    file.write_text(file.read_text("utf-8").replace("[service]\n", named), encoding="utf-8")
+    process, _ = csv_site.serve()
+    process.stdout.readline()
+    link = process.stdout.readline().strip()
+    assert re.fullmatch(r"https://valves\.plant\.example/welcome\?link=[\w-]{43}", link)
+
+
 @pytest.mark.long
 def test_run_now_works_without_a_service(csv_site: Site) -> None:
     """Where no service runs the command does the run itself, report and all."""
