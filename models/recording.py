@@ -228,6 +228,16 @@ class Recording:
         """The valve position, or ``None`` where it is not recorded."""
         return self.signals.get(Role.MV)
 
+    @property
+    def pv(self) -> Signal | None:
+        """The process variable, or ``None`` where it is not recorded."""
+        return self.signals.get(Role.PV)
+
+    @property
+    def sp(self) -> Signal | None:
+        """The set point, or ``None`` where it is not recorded."""
+        return self.signals.get(Role.SP)
+
     @cached_property
     def usable(self) -> Bools:
         """(n,) True where OP and, if there is one, MV may be used by a fit. Read-only."""

@@ -453,11 +453,12 @@ def _explained(recording: Recording | Screening, narx: bool) -> Explained:
     """The explanation of a recording; of one that could not be read, that nothing is known."""
     from stemwatch.models.mismatch.findings import Mismatch
     from stemwatch.service.explain.explain_recording import Explained, explain_recording
+    from stemwatch.service.presenter.wording import as_sentences
 
     source = recording.provenance.source
     if isinstance(recording, Recording):
         return explain_recording(recording, source, narx=narx)
-    mismatch = Mismatch.unknown(" ".join((*recording.quality.reasons, *recording.still_seen)))
+    mismatch = Mismatch.unknown(as_sentences((*recording.quality.reasons, *recording.still_seen)))
     return Explained(source=source, valve=recording.valve, mismatch=mismatch)
 
 

@@ -243,7 +243,7 @@ def _renamed(recording: Recording | Screening, name: object) -> Recording | Scre
 def _of_path(path: str, inputs: InputOptions) -> list[Recording | Screening]:
     """Every valve of the files and folders that ``path`` names."""
     recordings: list[Recording | Screening] = []
-    for task in _tasks(path, inputs):
+    for task in _of_valve(path, _tasks(path, inputs), inputs):
         case: Case | Screening = case_of(task)
         recordings.append(case if isinstance(case, Screening) else _checked(case.recording, inputs))
     return recordings
@@ -277,26 +277,32 @@ def _tasks(path: str, inputs: InputOptions) -> list[Task]:
 
 def _one_of_file(path: str, inputs: InputOptions) -> Recording:
     tasks = _tasks(path, inputs)
-    if inputs.valve and not inputs.tags:
-        chosen = [task for task in tasks if task.tags.valve == inputs.valve]
-    else:
-        chosen = tasks
+    chosen = _of_valve(path, tasks, inputs)
     if len(chosen) == 1:
         case: Case | Screening = case_of(chosen[0])
         if isinstance(case, Screening):
             raise ConnectorError(" ".join((case.quality.reasons[0], *case.still_seen)))
         return _checked(case.recording, inputs)
     names = [task.tags.valve for task in tasks]
-    if inputs.valve:
-        suggestion = nearest(inputs.valve, names)
-        raise MappingNeeded(
-            f"{path}: there is no valve {inputs.valve!r} among {len(names)}{suggestion}; "
-            f"expected one of {_name_list(names)}"
-        )
     raise MappingNeeded(
         f"{path}: holds {len(names)} valves ({_name_list(names)}); say which with "
         f"valve={(names or ['FIC-101'])[0]!r}, or screen them all: stemwatch.screen({path!r})"
     )
+
+
+def _of_valve(path: str, tasks: Sequence[Task], inputs: InputOptions) -> Sequence[Task]:
+    """The tasks of the valve that the call names; all where it names none, or names the tags, when
+    the name is a new one. Raises ``MappingNeeded`` for a valve that is not in ``path``."""
+    if not inputs.valve or inputs.tags:
+        return tasks
+    chosen = [task for task in tasks if task.tags.valve == inputs.valve]
+    if not chosen:
+        names = [task.tags.valve for task in tasks]
+        raise MappingNeeded(
+            f"{path}: there is no valve {inputs.valve!r} among {len(names)}"
+            f"{nearest(inputs.valve, names)}; expected one of {_name_list(names)}"
+        )
+    return chosen
 
 
 def read_options(inputs: InputOptions) -> ReadOptions:
@@ -339,7 +345,8 @@ def _valve_tags(table: DataFrameSource, inputs: InputOptions) -> ValveTags:
         names = [candidate.valve for candidate in proposed]
         raise MappingNeeded(
             f"{table.where}: holds {len(names)} valves ({_name_list(names)}); say which with "
-            f"valve={names[0]!r}, or name the columns with op= and mv="
+            f"valve={names[0]!r}, or name the columns with op= and mv=. To screen them all, hand "
+            "over a dict of recordings: {name: stemwatch.read(frame, valve=name) for name in ...}"
         )
     raise MappingNeeded(
         f"{table.where}: which column is the controller output? Say op= and, where the position "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 
@@ -59,3 +59,19 @@ def continued(group: OscillationGroup, earlier: Iterable[OscillationGroup]) -> O
         first_found=before.first_found or before.start,
         since=before.since,
     )
+
+
+def told_once(groups: Sequence[OscillationGroup]) -> list[OscillationGroup]:
+    """``groups`` of several windows without those that a later window shows again: whoever reads of
+    two would look for two sources."""
+    return [
+        group
+        for group in groups
+        if not any(
+            group.start is not None
+            and later.start is not None
+            and later.start > group.start
+            and is_same_oscillation(later, group)
+            for later in groups
+        )
+    ]

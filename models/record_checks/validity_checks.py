@@ -29,7 +29,7 @@ from stemwatch.models.stickslip.best_pairing import Pairing
 from stemwatch.models.stickslip.find_stroke_curve import AGAINST
 from stemwatch.models.stickslip.problem import LONGEST_BRIDGE_SAMPLES, WARM_UP_S, scored_samples
 from stemwatch.models.stickslip.stored_range import may_be_stored_in
-from stemwatch.models.words import share, times
+from stemwatch.models.words import only_times, share
 
 # Where the plant file does not set how long a recording must last.
 LEAST_SAMPLES, GOOD_SAMPLES = 300, 3600
@@ -361,7 +361,7 @@ def movement_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
             )
         return [Obstacle("manual" if manual else "op_still", reason, remedy)]
     if turns < limits.min_reversals:
-        how_often = f"turned round only {times(turns)}" if turns else "never turned round"
+        how_often = f"turned round {only_times(turns)}" if turns else "never turned round"
         reason = f"{manual}OP {how_often}; stiction shows at reversals"
         return [Obstacle("manual" if manual else "few_reversals", reason, remedy)]
     per_cycle = 2.0 * op.size / turns

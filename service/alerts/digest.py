@@ -113,7 +113,8 @@ def _line(alert: StoredAlert, address: str, zone: str) -> str:
     found = f"Found in the window {window(start, end, ZoneInfo(zone), zone)}." if end else ""
     first = f"First: {alert.first_step}" if alert.first_step else ""
     again = opened_again(alert.evidence, ZoneInfo(zone), zone)
-    parts = [alert.text, first, alert.then, found, again]
+    at_hand = f"Have at hand: {'; '.join(alert.parts)}." if alert.parts else ""
+    parts = [alert.text, first, alert.then, at_hand, found, again]
     if alert.acknowledged is not None:
         comment = f": {alert.comment}" if alert.comment else ""
         by = alert.acknowledged_by or "somebody"

@@ -19,7 +19,7 @@ from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.models.without_position.suspicion import Suspicion
 from stemwatch.service.alerts.when_over import begins, is_over, may_still_stick
 from stemwatch.service.config.service_schema import AlertRules
-from stemwatch.service.presenter.advice import after_first_step, first_step
+from stemwatch.service.presenter.advice import after_first_step, first_step, parts_needed
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.finding import baseline_left, stiction_grown
 from stemwatch.service.presenter.plant_path import levels_of
@@ -35,18 +35,20 @@ RATIO = "baseline_ratio"
 
 @dataclass(frozen=True, kw_only=True)
 class AlertWords:
-    """What an alert says: what was found, what to do first, and what after that."""
+    """What an alert says: what was found, what to do first, what after that, and which parts to
+    have at hand."""
 
     found: str
     first_step: str
     then: str = ""
+    parts: tuple[str, ...] = ()
 
     @classmethod
     def with_steps_for(cls, kind: str, found: str, then: str | None = None) -> AlertWords:
         """``found`` with the first step of the advice for ``kind``, and its other steps where
         nothing else is to be said ``then``."""
         rest = after_first_step(kind) if then is None else then
-        return cls(found=found, first_step=first_step(kind), then=rest)
+        return cls(found=found, first_step=first_step(kind), then=rest, parts=parts_needed((kind,)))
 
 
 class AlertDecision(Enum):
@@ -358,7 +360,7 @@ def _raised(
         "J": judged.J,
         "severity": judged.severity,
         "screening": judged.id,
-        **to_do(words.first_step, words.then),
+        **to_do(words.first_step, words.then, words.parts),
         "window": [None if end is None else end.isoformat() for end in judged.window],
     }
     return RaisedAlert(

@@ -25,8 +25,15 @@ accounts_app = typer.Typer(
 )
 Name = Annotated[str, typer.Argument(help="The user's name.")]
 RoleWord = Annotated[str, typer.Option(help="viewer, engineer or admin.")]
-Address = Annotated[str, typer.Option(help="Where the pages are, for the link.")]
 PAGES = "http://127.0.0.1:8300/"
+Address = Annotated[
+    str,
+    typer.Option(
+        help="Where the pages are, for the link; by default the address that the plant file "
+        f"gives under \\[service], else {PAGES}.",
+        show_default=False,
+    ),
+]
 
 
 @accounts_app.command("list")
@@ -49,12 +56,12 @@ def list_users(plant: PlantOfStore = None, db: StoreUrl = "") -> None:
 
 
 @accounts_app.command("first-link")
-def first_link(plant: PlantOfStore = None, db: StoreUrl = "", address: Address = PAGES) -> None:
+def first_link(plant: PlantOfStore = None, db: StoreUrl = "", address: Address = "") -> None:
     """Print a new one-time link for the first admin; an earlier one becomes invalid."""
     from stemwatch.service.access import links
 
     with _store(plant, db) as store:
-        link = links.first_link(store, address)
+        link = links.first_link(store, _pages(plant, address))
         if link is None:
             raise typer.BadParameter(
                 "somebody can sign in already; 'accounts add --role admin' makes a link for one "
@@ -70,21 +77,19 @@ def add(
     role: RoleWord = "viewer",
     plant: PlantOfStore = None,
     db: StoreUrl = "",
-    address: Address = PAGES,
+    address: Address = "",
 ) -> None:
     """Print a one-time link at which a new user chooses name and password."""
     from stemwatch.service.store.accounts.records import OneTimeLinkKind
 
     with _store(plant, db) as store:
-        link = _link(store, address, OneTimeLinkKind.INVITATION, _role(role), note)
+        link = _link(store, _pages(plant, address), OneTimeLinkKind.INVITATION, _role(role), note)
         _note(store, "manage users", f"invite {note}; role {role}")
     _show(link)
 
 
 @accounts_app.command("reset")
-def reset(
-    name: Name, plant: PlantOfStore = None, db: StoreUrl = "", address: Address = PAGES
-) -> None:
+def reset(name: Name, plant: PlantOfStore = None, db: StoreUrl = "", address: Address = "") -> None:
     """Print a one-time link at which a user chooses a new password."""
     from stemwatch.service.store.accounts.records import OneTimeLinkKind
 
@@ -92,7 +97,9 @@ def reset(
         user = _user(store, name)
         if user.disabled is not None:
             raise typer.BadParameter(f"{user.name} is disabled; enable the user first")
-        link = _link(store, address, OneTimeLinkKind.PASSWORD, user.role, user.name, user.id)
+        link = _link(
+            store, _pages(plant, address), OneTimeLinkKind.PASSWORD, user.role, user.name, user.id
+        )
         _note(store, "manage users", f"link for a new password; {user.name}")
     _show(link)
 
@@ -139,6 +146,16 @@ def _store(plant: Path | None, db: str) -> Iterator[Store]:
     address, _ = named_store(None if db else plant, db)
     with open_existing_store(address) as store:
         yield store
+
+
+def _pages(plant: Path | None, address: str) -> str:
+    """Where people reach the pages: as the command says, else as the plant file does. A link to
+    this machine opens nothing on the computer of whoever gets it."""
+    from stemwatch.service.config import load_plant
+
+    if address or plant is None:
+        return address or PAGES
+    return load_plant(plant).service.address or PAGES
 
 
 def _user(store: Store, name: str) -> User:

@@ -65,6 +65,10 @@ def version(plant: PlantFile = None, db: Url = "") -> None:
             "a newer stemwatch has written this database: install that version, or take the schema "
             f"back with it, by `stemwatch db downgrade {newest_revision()}`."
         )
+    elif revision is None:
+        views.say_next(
+            "`stemwatch db upgrade`, or the first start of the service, makes the tables."
+        )
     else:
         views.say_next("`stemwatch db backup FILE`, then `stemwatch db upgrade`.")
 

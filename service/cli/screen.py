@@ -227,7 +227,4 @@ def show(result: RunResult, ranking: Ranking, json_file: Path | None) -> None:
         if path.is_file():
             text = f"{label}: {views.escape(str(path.resolve()))}"
             views.out.print(text, highlight=False, soft_wrap=True)
-    views.say_next(
-        "open the report; the PDF and the work orders beside it go to whoever plans the work. "
-        "Where something was left open, `stemwatch plan-test VALVE` plans the test that tells."
-    )
+    views.say_next(screening_views.next_sentence(ranking))

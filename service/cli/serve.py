@@ -168,6 +168,21 @@ def _follow(
                 return
 
 
+def run_sentence(run: StoredRun) -> str:
+    """How a run went. A valve whose source is many files has several recordings, each with its
+    verdict."""
+    counts = ", ".join(f"{count} {verdict.value}" for verdict, count in run.counts.items())
+    recordings = sum(run.counts.values())
+    several = f"{recordings} recordings: " if recordings > run.done else ""
+    sentence = (
+        f"Run {run.id}: {run.state.value}, {run.done} of {run.total} valves "
+        f"({several}{counts or 'none'})"
+    )
+    if run.set_aside:
+        sentence += f", {run.set_aside} set aside"
+    return sentence + (f". {run.reason}" if run.reason else "")
+
+
 def _show(run: StoredRun, *, left_behind: bool) -> None:
     from stemwatch.service.cli import views
 
@@ -179,13 +194,7 @@ def _show(run: StoredRun, *, left_behind: bool) -> None:
             highlight=False,
         )
         raise typer.Exit(1)
-    counts = ", ".join(f"{count} {verdict.value}" for verdict, count in run.counts.items())
-    sentence = (
-        f"Run {run.id}: {run.state.value}, {run.done} of {run.total} valves ({counts or 'none'})"
-    )
-    if run.set_aside:
-        sentence += f", {run.set_aside} set aside"
-    views.out.print(sentence + (f". {run.reason}" if run.reason else ""), highlight=False)
+    views.out.print(run_sentence(run), highlight=False)
     if run.report:
         views.out.print(f"Report: {views.escape(run.report)}", highlight=False, soft_wrap=True)
     if run.finished is None or run.state.value in ("failed", "cancelled"):

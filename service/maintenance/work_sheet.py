@@ -24,6 +24,7 @@ from stemwatch.service.presenter.false_discoveries import LEVEL_PERCENT
 from stemwatch.service.presenter.finding import PresentedFinding, field_test
 from stemwatch.service.presenter.urgency import Priority, priority
 from stemwatch.service.presenter.wording import (
+    as_sentences,
     figure,
     finite,
     interval,
@@ -273,5 +274,4 @@ def _rate(statement: str, count: int, total: int, interval: str) -> str:
 
 def _data(screening: Screening) -> str:
     quality = screening.quality
-    quality_reasons = " ".join(quality.reasons)
-    return f"Data grade {quality.grade}{': ' + quality_reasons if quality_reasons else '.'}"
+    return f"Data grade {quality.grade}. {as_sentences(quality.reasons)}".rstrip()

@@ -129,9 +129,14 @@ def after_first_step(kind: str) -> str:
 def parts_for(kinds: Iterable[str]) -> tuple[str, ...]:
     """The parts to have at hand for several kinds, each once; "none" only where no kind needs
     any."""
-    parts = list(dict.fromkeys(part for kind in kinds for part in advice_for(kind).parts))
-    needed = [part for part in parts if not part.startswith("none")]
-    return tuple(needed or parts[:1])
+    kinds = tuple(kinds)
+    return parts_needed(kinds) or advice_for(kinds[0]).parts[:1]
+
+
+def parts_needed(kinds: Iterable[str]) -> tuple[str, ...]:
+    """Those parts; empty where no kind needs any."""
+    parts = dict.fromkeys(part for kind in kinds for part in advice_for(kind).parts)
+    return tuple(part for part in parts if not part.startswith("none"))
 
 
 def isolation_for(steps: Iterable[CheckStep]) -> tuple[tuple[IsolationLevel, str], ...]:

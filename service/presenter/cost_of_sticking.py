@@ -71,15 +71,26 @@ class CostOfSticking:
 
     @property
     def sentence(self) -> str:
-        """Both in one or two sentences."""
-        share, unit = self.share, self.repaired.unit
-        said = (
-            f"The sticking causes {_percent(share.value)} % of the variance of SP - PV "
-            f"({_percent(share.low)} to {_percent(share.high)} %): with a valve that does not "
-            f"stick its standard deviation would be {figure(self.repaired.value, 2)} instead of "
-            f"{figure(self.std, 2)} {unit}."
-        )
-        return f"{said} That is {self.a_month} a month." if self.is_money else said
+        """Both in one or two sentences. Where the interval of ``share`` holds zero, nobody can say
+        that a repair would help, and no size is given."""
+        share = self.share
+        if share.low is not None and share.low <= 0.0:
+            said = (
+                "What the sticking costs this loop cannot be told: with a valve that does not "
+                "stick, the variance of SP - PV would lie between "
+                f"{_change(share.low)} and {_change(share.high)} (90 % interval)."
+            )
+            money = f"In money: {self.a_month} a month."
+        else:
+            said = (
+                f"The sticking causes {_percent(share.value)} % of the variance of SP - PV "
+                f"(90 % interval {_percent(share.low)} to {_percent(share.high)} %): with a valve "
+                "that does not stick its standard deviation would be "
+                f"{figure(self.repaired.value, 2)} instead of {figure(self.std, 2)} "
+                f"{self.repaired.unit}."
+            )
+            money = f"That is {self.a_month} a month."
+        return f"{said} {money}" if self.is_money else said
 
 
 def money_in_words(money: Estimate, currency: str) -> str:
@@ -164,6 +175,13 @@ def _estimate(indicator: Indicator) -> Estimate:
     return Estimate(
         value=indicator.value, low=indicator.low, high=indicator.high, unit=indicator.unit
     )
+
+
+def _change(share: float | None) -> str:
+    """How much smaller or larger a variance is without ``share`` percent of it."""
+    if share is None:
+        return "?"
+    return f"{abs(share):.0f} % {'larger' if share < 0.0 else 'smaller'}"
 
 
 def _percent(value: float | None) -> str:

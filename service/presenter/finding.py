@@ -19,7 +19,11 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.advice import advice_for, effect_test, term_words
 from stemwatch.service.presenter.oscillation_words import where_to_look
 from stemwatch.service.presenter.physics_words import effect_name, effect_names, other_members
-from stemwatch.service.presenter.suspicion_words import worth_a_test_sentence
+from stemwatch.service.presenter.suspicion_words import (
+    SUSPECTED_NOTE,
+    worth_a_test,
+    worth_a_test_sentence,
+)
 from stemwatch.service.presenter.wording import (
     VERDICT_MEANING,
     finite,
@@ -138,7 +142,7 @@ def present(
     mismatch = screening.mismatch
     return PresentedFinding(
         decision=decision,
-        title=advice_for(decision.kinds[0]).title,
+        title=_title(screening, decision),
         meaning=VERDICT_MEANING[decision.verdict],
         found=_found_sentences(screening, decision, stands),
         still_seen=_still_seen(screening),
@@ -148,6 +152,14 @@ def present(
         otherwise=_otherwise(mismatch, decision.kinds, stands),
         held_back=held_back,
     )
+
+
+def _title(screening: Screening, decision: WorkDecision) -> str:
+    """The name of the finding to act on first; of a loop without a position, that sticking is
+    suspected, by which a planner knows it from those that merely lack a transmitter."""
+    if decision.kinds[0] == NO_POSITION and worth_a_test(screening):
+        return SUSPECTED_NOTE
+    return advice_for(decision.kinds[0]).title
 
 
 def _still_seen(screening: Screening) -> tuple[str, ...]:

@@ -117,6 +117,16 @@ def not_yet_said(sentences: Iterable[str], text: str) -> list[str]:
     ]
 
 
+def as_sentences(remarks: Iterable[str]) -> str:
+    """Remarks as running text: each a sentence, with a capital unless it begins with a tag."""
+    text = (remark.strip().rstrip(".") for remark in remarks)
+    return " ".join(
+        f"{said[:1].upper() if said.partition(' ')[0].isalpha() else said[:1]}{said[1:]}."
+        for said in text
+        if said
+    )
+
+
 def duration(seconds: float) -> str:
     """A duration in the one or two units in which people say it."""
     if seconds < 120:

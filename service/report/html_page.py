@@ -22,6 +22,7 @@ from markupsafe import Markup, escape
 from stemwatch.service.presenter import oscillation_words
 from stemwatch.service.presenter import physics_words as mismatch_words
 from stemwatch.service.presenter import wording as words
+from stemwatch.service.presenter.cost_of_sticking import MADE_BY_STICKING
 from stemwatch.service.presenter.finding import present_effect
 from stemwatch.service.presenter.plant_path import names_by_level
 from stemwatch.service.presenter.response_table import response_table
@@ -230,6 +231,8 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "finding_title": lambda finding: mismatch_words.FINDING_TITLE[finding],
         "finding_meaning": lambda finding: mismatch_words.FINDING_MEANING[finding],
         "not_yet_said": words.not_yet_said,
+        "as_sentences": words.as_sentences,
+        "from_the_twin": lambda indicators: any(name in indicators for name in MADE_BY_STICKING),
         "response_table": response_table,
         "histogram_table": histogram_table,
         "presented": present_effect,

@@ -10,7 +10,7 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.service.presenter.false_discoveries import LEVEL_PERCENT
 from stemwatch.service.presenter.physics_words import left_out
 from stemwatch.service.presenter.urgency import CLASSES_IN_WORDS
-from stemwatch.service.presenter.wording import finite, printable
+from stemwatch.service.presenter.wording import as_sentences, finite, printable
 from stemwatch.service.report.ranking import RankedValve
 from stemwatch.service.report.report_context import ReportContext
 
@@ -125,7 +125,7 @@ def _finding() -> list[SpreadsheetColumn]:
         _text(
             "data remarks",
             "why it has this grade",
-            lambda v: " ".join(v.screening.quality.reasons),
+            lambda v: as_sentences(v.screening.quality.reasons),
             40,
         ),
     ]

@@ -9,6 +9,7 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from stemwatch.models.oscillation_groups.over_windows import told_once
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup, plant_groups
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.statistics.false_discovery import significant
@@ -180,13 +181,14 @@ def _write_work_list(run: Run, executed: Executed, context: ReportContext) -> No
 
 def _groups(run: Run, executed: Executed) -> tuple[OscillationGroup, ...]:
     """Groups of loops of the run that oscillate together, stored and linked with those of earlier
-    windows; none where the search fails, since everything else matters more."""
+    windows, each oscillation once, by its newest window; none where the search fails, since
+    everything else matters more."""
     try:
         valves = list(run.plant.valves.values()) if run.plant else []
         units = {valve.id: valve.unit for valve in valves}
         feeds = {valve.id: valve.feeds for valve in valves}
         groups = plant_groups(executed.results.thinned_loops(), units, feeds)
-        return tuple(run.store.keep_oscillations(run.number, groups))
+        return tuple(told_once(run.store.keep_oscillations(run.number, groups)))
     except Exception:
         text = "run %d: loops that oscillate together could not be looked for"
         log.exception(text, run.number, extra={"run": run.number})

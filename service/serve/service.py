@@ -110,7 +110,8 @@ class Service:
             scheduler.start()
             pages.start()
             ready(address_of(listening))
-            if link := first_link(store, address_of(listening, for_people=True)):
+            here = address_of(listening, for_people=True)
+            if link := first_link(store, plant.service.address or here):
                 log.warning("nobody can sign in yet: a one-time link for the first admin is made")
                 invite(link)
             tell_systemd("READY=1")

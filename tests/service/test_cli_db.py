@@ -37,6 +37,16 @@ def rows_in(url: str, table: str) -> int:
         return connection.execute(f"SELECT count(*) FROM {table}").fetchone()[0]
 
 
+def test_an_empty_database_is_not_to_be_backed_up_first(stemwatch, tmp_path: Path) -> None:
+    """There is nothing to back up; what is next is the tables."""
+    with closing(sqlite3.connect(tmp_path / "new.db")) as connection:
+        connection.execute("VACUUM")
+    outcome = stemwatch("db", "version", "--db", f"sqlite:///{tmp_path / 'new.db'}")
+    assert "schema none" in outcome.said
+    assert "`stemwatch db upgrade`, or the first start of the service" in outcome.said
+    assert "backup" not in outcome.said
+
+
 def test_version_upgrade_and_downgrade(stemwatch, site: str) -> None:
     """Which schema there is, back to an older one only when asked twice, and up again."""
     newest = newest_revision()

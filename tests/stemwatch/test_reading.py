@@ -175,6 +175,29 @@ def test_a_file_with_several_valves_is_asked_for_one(frame: pd.DataFrame, tmp_pa
     assert "FIC102" == sw.read(both, valve="FIC102").valve
 
 
+def test_a_named_valve_of_a_path_is_the_only_one_screened(
+    frame: pd.DataFrame, tmp_path: Path
+) -> None:
+    """As ``read`` does; a name that no valve has is an error, and not all of them."""
+    path = tmp_path / "export.csv"
+    other = frame.rename(columns=lambda name: name.replace("101", "102"))
+    frame.join(other).to_csv(path, index_label="Time")
+    bare = {"narx": False, "mismatch": False}
+    assert [one.valve for one in sw.screen(path, valve="FIC102", **bare)] == ["FIC102"]
+    for call in (sw.screen, sw.explain):
+        with pytest.raises(MappingNeeded, match=r"no valve 'FIC999' among 2"):
+            call(path, valve="FIC999", narx=False)
+
+
+def test_pv_and_set_point_are_read_like_op_and_mv() -> None:
+    """A recording has all four by name; those that were not recorded are None."""
+    loop = sw.simulate(minutes=1)
+    assert loop.pv is loop.signals[Role.PV]
+    assert loop.sp is loop.signals[Role.SP]
+    bare = sw.read(op=OP, interval_s=1.0)
+    assert (bare.mv, bare.pv, bare.sp) == (None, None, None)
+
+
 def test_a_file_is_written_as_the_options_say(frame: pd.DataFrame, tmp_path: Path) -> None:
     """Options of reading reach the reader; one that does not exist is named with the nearest."""
     frame.to_csv(tmp_path / "e.csv", sep=";", decimal=",", index_label="Zeit")

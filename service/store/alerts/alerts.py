@@ -112,10 +112,15 @@ class StoredAlert:
         """What to do after the first step; empty where there is no more to say."""
         return str(self.evidence.get("then", ""))
 
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """What to have at hand for the work; empty where nothing is needed or known."""
+        return tuple(self.evidence.get("parts", ()))
 
-def to_do(first_step: str, then: str = "") -> dict[str, str]:
-    """What to do about an alert, as its evidence keeps it."""
-    return {"first_step": first_step, "then": then}
+
+def to_do(first_step: str, then: str = "", parts: Sequence[str] = ()) -> dict[str, object]:
+    """What to do about an alert and which parts to have at hand, as its evidence keeps it."""
+    return {"first_step": first_step, "then": then, "parts": list(parts)}
 
 
 JOINED = "part of another alert of this valve now, which has the same cause"

@@ -40,13 +40,17 @@ def write_oscillations(
     session: Session, run_id: int, groups: Sequence[OscillationGroup]
 ) -> list[OscillationGroup]:
     """Keep the groups of a run instead of those it had, and of the same window screened earlier;
-    the groups with since when and in how many windows each was found.
+    the groups, in the order given, with since when and in how many windows each was found. Those of
+    earlier windows are written first, whatever their order: a run over several windows finds an
+    oscillation in each of them.
 
     A run over a part of the plant finds a part of a group: the whole one of that window stays.
     """
     session.execute(delete(OscillationRow).where(OscillationRow.run_id == run_id))
-    numbers = []
-    for group in groups:
+    kept = list(groups)
+    by_start = sorted(range(len(groups)), key=lambda number: str(groups[number].start))
+    for number in by_start:
+        group = groups[number]
         window_and_earlier = _rows_until(session, group)
         for row in [row for row in window_and_earlier if row.start == group.start]:
             if is_same_oscillation(group, _group(row)) and _looked_for(session, row, run_id):
@@ -60,8 +64,8 @@ def write_oscillations(
         elif linked.since is None and _was_absent(session, run_id, linked):
             linked = replace(linked, since=linked.start)
         session.add(_row(run_id, follows, linked))
-        numbers.append(linked)
-    return numbers
+        kept[number] = linked
+    return kept
 
 
 def read_oscillations(

@@ -16,6 +16,7 @@ from markupsafe import Markup
 
 from stemwatch.service.presenter.stale_data import DueSchedule, SilentSource, stale_data
 from stemwatch.service.presenter.suspicion_words import (
+    SUSPECTED_NOTE,
     loops_to_test,
     next_steps,
     suspected_sentence,
@@ -94,9 +95,12 @@ def overview(request: Request, deps: Deps) -> HTMLResponse:
         going=[run for run in runs if is_alive(run)],
         last=last,
         coming=_coming(schedules),
+        switched_off=any(not schedule.schedule.enabled for schedule in schedules),
         weeks=weeks,
         picture=picture_of(weeks),
         suspected=suspected_sentence(loops_to_test(steps)),
+        suspected_note=SUSPECTED_NOTE,
+        to_test=loops_to_test(steps),
         next_steps=steps,
         oscillations=groups,
         worst=[

@@ -84,6 +84,7 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
     raised = store.alerts.in_state("all", deps.now, valve=name)
     opens, ends = _opening(deps, name, shown_screening)
     quality = _quality(deps, name, (opens, ends))
+    roles = _roles(deps, name)
     around = store.around_work(name)
     numbers = (
         [shown_screening.screening.S.value or 0.0, shown_screening.screening.J.value or 0.0]
@@ -109,7 +110,9 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
         opens=opens,
         ends=ends,
         spans=SPANS,
-        roles=_roles(deps, name),
+        roles=roles,
+        # Without a position the plots show PV in its place. Of a valve without tags nobody knows.
+        has_position=not roles or Role.MV.value.upper() in dict(roles),
         quality=quality,
         sheet=None if shown_screening is None else _sheet(deps, shown_screening),
         labels=store.feedback(name),

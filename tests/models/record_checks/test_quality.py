@@ -231,7 +231,7 @@ def test_few_reversals():
     op = np.linspace(30.0, 60.0, N)
     mv = op + 0.05 * rng.standard_normal(N)
     first = the_obstacle(recorded(op=op, mv=mv), "few_reversals")
-    assert first.reason.startswith("OP never turned round; ")
+    assert "OP never turned round" in first.reason
 
 
 def test_slow_sampling():

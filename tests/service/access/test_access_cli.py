@@ -42,6 +42,33 @@ def test_the_first_admin_gets_a_new_link_until_there_is_one(stemwatch, url: str)
     assert "accounts reset" in outcome.said
 
 
+def test_a_link_leads_to_where_the_plant_file_says_the_pages_are(
+    stemwatch, url: str, tmp_path: Path
+) -> None:
+    """Whoever gets it sits at another computer; --address says otherwise, and without either it is
+    this machine's."""
+    open_store(url).close()
+    plant = tmp_path / "plant.toml"
+    plant.write_text(
+        f'[storage]\nurl = "{url}"\n[service]\naddress = "https://valves.plant.example/"\n'
+        '[[sources]]\nname = "h"\npath = "*.csv"\n'
+        '[[valves]]\nid = "FIC-1"\nsource = "h"\ntags.op = {tag = "FIC-1.OP"}\n',
+        encoding="utf-8",
+    )
+    for command in (("first-link",), ("add", "Bob")):
+        said = stemwatch("accounts", *command, "--plant", plant).said
+        assert "https://valves.plant.example/welcome?link=" in said
+        other = ("--address", "https://other/")
+        assert (
+            "https://other/welcome?link="
+            in stemwatch("accounts", *command, "--plant", plant, *other).said
+        )
+        assert (
+            "http://127.0.0.1:8300/welcome?link="
+            in stemwatch("accounts", *command, "--db", url).said
+        )
+
+
 def test_links_roles_and_the_end_of_access(stemwatch, url: str) -> None:
     """Each command does what its help says, and is in the audit log."""
     with open_store(url) as store:

@@ -19,7 +19,7 @@ from stemwatch.service.alerts.digest import queue_messages
 from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.alerts.silent_sources import watch_sources
 from stemwatch.service.config import Plant
-from stemwatch.service.presenter.advice import first_step
+from stemwatch.service.presenter.advice import advice_for, first_step
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.samples.sources import SourceState
@@ -125,6 +125,8 @@ def test_a_message_links_to_the_pages_where_their_address_is_known(
     first = message.message["alerts"][0]["first_step"]
     assert first == first_step("stiction_undershoot")
     assert f"\nFirst: {first}\n" in message.message["text"]
+    parts = advice_for("stiction_undershoot").parts
+    assert f"\nHave at hand: {'; '.join(parts)}.\n" in message.message["text"]
     assert message.message["alerts"][0]["link"].endswith("/valve?id=V1")
 
 

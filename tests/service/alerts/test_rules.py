@@ -31,7 +31,7 @@ from stemwatch.service.alerts.rules import (
     has_grown,
 )
 from stemwatch.service.config.service_schema import AlertRules
-from stemwatch.service.presenter.advice import first_step, steps_for
+from stemwatch.service.presenter.advice import first_step, parts_for, steps_for
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
 from stemwatch.service.presenter.suspicion_words import HOW_SURE
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
@@ -255,6 +255,7 @@ def test_a_sticky_stem_is_told_with_the_first_step_of_its_work_order() -> None:
     assert alert.text == "FIC-1 (Feed): The stem sticks."
     assert alert.evidence["first_step"] == steps_for(["stiction_overshoot"])[0].text
     assert alert.evidence["then"] == "Check the packing."
+    assert alert.evidence["parts"] == list(parts_for(["stiction_overshoot"]))
 
 
 @pytest.mark.parametrize(("now", "kind"), [(WELL, "watch"), (STICKY, "stiction_undershoot")])
@@ -265,6 +266,8 @@ def test_friction_that_grew_is_looked_at_over_months_only_while_the_stem_follows
     (alert,) = apply_rules(record, RULES)[0]
     assert alert.kind is AlertKind.GROWN
     assert alert.evidence["first_step"] == first_step(kind)
+    # Of a valve to watch none is needed yet, and the message does not say so.
+    assert bool(alert.evidence["parts"]) == (kind != "watch")
 
 
 def test_of_several_effects_the_newest_window_says_which_to_mend_first() -> None:

@@ -43,11 +43,26 @@ def test_without_a_price_it_is_variance() -> None:
     """The share with its interval, and both standard deviations in PV's unit."""
     told = cost(None)
     assert told.sentence == (
-        "The sticking causes 80 % of the variance of SP - PV (70 to 85 %): with a valve that does "
-        "not stick its standard deviation would be 0.90 instead of 2.0 t/h."
+        "The sticking causes 80 % of the variance of SP - PV (90 % interval 70 to 85 %): with a "
+        "valve that does not stick its standard deviation would be 0.90 instead of 2.0 t/h."
     )
     assert told.money.value is None
     assert cost_of_sticking({}, Prices(per_unit_hour=1.0)) is None
+
+
+def test_no_share_is_claimed_where_the_interval_holds_zero() -> None:
+    """A loop that would as likely become worse: both ends in words, no size, and the money with
+    its interval."""
+    share = indicator("variance_from_sticking_percent", 98.0, -64.0, 99.0)
+    told = cost_of_sticking(
+        {**FOUND, share.name: share}, Prices(per_unit_hour=10.0), currency="EUR"
+    )
+    assert told is not None
+    assert told.sentence == (
+        "What the sticking costs this loop cannot be told: with a valve that does not stick, the "
+        "variance of SP - PV would lie between 64 % larger and 99 % smaller (90 % interval). "
+        "In money: 3,650 EUR (2,920 to 5,110) a month."
+    )
 
 
 def test_each_price_is_for_what_it_says() -> None:

@@ -246,6 +246,19 @@ def test_paper_says_at_its_head_what_the_foot_says(open_page):
     assert "all times in" in printed
 
 
+def test_paper_has_the_ranking_as_a_table(open_page):
+    """A sheet of A4 is as narrow as a phone, on which each valve becomes a card of its own."""
+    page = open_page(viewport={"width": 700, "height": 990})
+    shown = "getComputedStyle(document.querySelector('#ranking-table tbody')).display"
+    assert page.evaluate(shown) == "block"
+    page.emulate_media(media="print")
+    assert page.evaluate(shown) == "table-row-group"
+    columns = page.locator("#ranking-table tbody tr").first.locator("td:visible, th:visible")
+    tops = columns.evaluate_all("cells => cells.map(cell => cell.getBoundingClientRect().top)")
+    assert len(set(tops)) == 1
+    assert page.evaluate("document.documentElement.scrollWidth") <= 700
+
+
 def test_without_javascript_everything_but_the_plots_is_there(open_page):
     """Ranking and findings are readable, controls are gone, and a sentence says why."""
     page = open_page(java_script_enabled=False)

@@ -23,6 +23,18 @@ from stemwatch.service.report.charts.thinning import (
     lowest_and_highest,
 )
 
+
+def test_remarks_become_sentences():
+    """Each ends, and none runs into the next; a tag keeps its letters."""
+    assert words.as_sentences(["OP never turned round", "the loop was in manual.", " "]) == (
+        "OP never turned round. The loop was in manual."
+    )
+    assert words.as_sentences(["fic-1.mv is in an unknown unit"]) == (
+        "fic-1.mv is in an unknown unit."
+    )
+    assert words.as_sentences([]) == ""
+
+
 values_or_gaps = st.one_of(st.floats(-1e6, 1e6), st.just(float("nan")))
 traces = st.lists(values_or_gaps, min_size=1, max_size=400).map(np.array)
 

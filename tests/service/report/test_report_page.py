@@ -11,6 +11,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
+from stemwatch.models.screening_result import Indicator
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report import ReportContext
 from stemwatch.service.report.charts.traces import unpacked
@@ -117,6 +118,25 @@ def test_all_that_is_said_of_a_valve_stands_in_the_page(make_screening, make_con
         assert answer in text
     assert valves[0].provenance.digest in text
     assert "S and J are not known: OP moved less than 0.5 %." in text
+
+
+def test_intervals_of_another_width_are_not_passed_off_as_95_percent(make_screening, make_context):
+    """What the sticking does to the loop comes from running it again, with intervals of 90 %."""
+    share = Indicator(
+        name="variance_from_sticking_percent", value=69.0, unit="%", meaning="", low=44.0, high=75.0
+    )
+    valve = make_screening("FIC-1")
+    for indicators, told in (
+        (valve.indicators, "Intervals are of 95 %."),
+        (
+            {**valve.indicators, share.name: share},
+            "Intervals are of 95 %; those of what the sticking does to the loop, which come from "
+            "running it again, of 90 %.",
+        ),
+    ):
+        context = make_context([valve])
+        ranking = rank_valves([replace(valve, indicators=indicators)], context)
+        assert told in html_bytes(ranking, context).decode()
 
 
 def test_without_scripts_a_sentence_says_what_is_missing(page):

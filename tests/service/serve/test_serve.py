@@ -12,18 +12,22 @@ import threading
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
 from stemwatch.connectors.modbus import read_devices
 from stemwatch.models.studies.simulator import demo_plant
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.cli.serve import run_sentence
 from stemwatch.service.modbus_plant.live import LivePlant
 from stemwatch.service.modbus_plant.plant_file import plant_toml
 from stemwatch.service.modbus_plant.plant_server import PlantServer
 from stemwatch.service.serve.page_server import CannotListen, listen
 from stemwatch.service.store.runs.queue import RunToQueue
-from stemwatch.service.store.screenings.records import RunState
+from stemwatch.service.store.screenings.records import RunState, StoredRun
 from stemwatch.service.store.store import Store
 from tests.service.example_user import make_user
 from tests.service.serve.running_service import SERVICE, Site, get, site_in, until
@@ -104,6 +108,17 @@ def test_it_serves_works_and_stops_in_order(csv_site: Site) -> None:
     process.send_signal(signal.SIGTERM)
     assert process.stdout.read() == ""
     assert "Traceback" not in csv_site.log()
+
+
+def test_the_first_link_leads_to_where_people_reach_the_pages(csv_site: Site) -> None:
+    """Behind a proxy or in a container nobody could open the address that is listened on."""
+    file = csv_site.folder / "plant.toml"
+    named = '[service]\naddress = "https://valves.plant.example/"\n'
+    file.write_text(file.read_text("utf-8").replace("[service]\n", named), encoding="utf-8")
+    process, _ = csv_site.serve()
+    process.stdout.readline()
+    link = process.stdout.readline().strip()
+    assert re.fullmatch(r"https://valves\.plant\.example/welcome\?link=[\w-]{43}", link)
 
 
 @pytest.mark.long
@@ -211,3 +226,24 @@ def test_the_simulated_plants_file_is_read(tmp_path: Path) -> None:
     assert list(plant.devices) == ["plc-1"]
     assert read_devices([]).devices == ()
     assert all(plant.is_live(valve) for valve in plant.valves)
+
+
+def test_the_verdicts_of_a_run_are_those_of_recordings_where_a_valve_has_several() -> None:
+    """One valve of 22 files is not "1 of 1 valves (11 sticky, 11 healthy)"."""
+    at = datetime(2026, 3, 2, tzinfo=UTC)
+    run = StoredRun(
+        id=7,
+        started=at,
+        finished=at,
+        command="",
+        software_version="",
+        settings_digest="",
+        counts={Verdict.STICKY: 1},
+        total=1,
+        done=1,
+    )
+    assert run_sentence(run) == "Run 7: done, 1 of 1 valves (1 sticky)"
+    many = replace(run, counts={Verdict.STICKY: 11, Verdict.HEALTHY: 11}, set_aside=1)
+    assert run_sentence(many) == (
+        "Run 7: done, 1 of 1 valves (22 recordings: 11 sticky, 11 healthy), 1 set aside"
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from datetime import datetime, timedelta
 
+from stemwatch.models.oscillation_groups.over_windows import told_once
 from stemwatch.models.oscillation_groups.plant_groups import GroupMember, OscillationGroup
 from stemwatch.service.store.administration.prune import RetentionDays, prune
 from stemwatch.service.store.store import Store
@@ -62,6 +63,22 @@ def test_a_group_comes_back_whole_and_is_recognised_the_next_day(
     (of_loop,) = store.oscillations_of("TIC-2", NOW)
     assert (of_loop.source, of_loop.windows) == ("FIC-1", 2)
     assert store.oscillations_of("PIC-9", NOW) == []
+
+
+def test_windows_of_one_run_are_one_oscillation_whatever_their_order(
+    store: Store, make_screening: MakeScreening
+) -> None:
+    """The larger group of the later window comes first: it still continues the one before."""
+    run = screened(store, make_screening, START, (*LOOPS, "PIC-4"))
+    screened(store, make_screening, START + DAY, (*LOOPS, "PIC-4"))
+    later = group(START + DAY, (*LOOPS, "PIC-4"))
+    linked, first = store.keep_oscillations(run, [later, group()])
+    assert (linked.windows, linked.first_found, first.windows) == (2, START, 1)
+    (kept,) = store.oscillations(NOW)
+    assert kept.group == linked
+    assert told_once([linked, first]) == [linked]
+    other = group(START, ("FIC-8", "FIC-9"))
+    assert told_once([linked, other]) == [linked, other]
 
 
 def test_a_group_that_the_window_before_did_not_show_began_with_its_own(

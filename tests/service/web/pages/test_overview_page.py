@@ -14,6 +14,7 @@ import pytest
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.stale_data import DueSchedule, SilentSource, stale_data
 from stemwatch.service.presenter.suspicion_words import (
+    SUSPECTED_NOTE,
     loops_to_test,
     next_steps,
     suspected_sentence,
@@ -111,6 +112,17 @@ def test_a_skipped_instant_does_not_hide_that_the_run_before_it_failed(
     assert f"failed Run {number}" in text
 
 
+def test_a_schedule_that_is_switched_off_is_neither_missing_nor_run(
+    live: Site, client: httpx.Client
+) -> None:
+    """The pages say that it is off; the instants that pass meanwhile are no runs of it."""
+    off = ScreeningSchedule(name="nightly", every_s=60.0, enabled=False)
+    live.store.schedules.take_from_file([off])
+    live.store.schedules.note("nightly", NOW, None)
+    assert "Every schedule is switched off: runs begin" in text_of(client.get("/overview").text)
+    assert "nightly switched off Runs" in text_of(client.get("/runs").text)
+
+
 def test_an_empty_store_says_what_to_do(
     store: object, client_of: Callable[[Site], httpx.Client]
 ) -> None:
@@ -185,6 +197,10 @@ def test_what_to_do_at_valves_without_a_verdict_is_that_of_the_report(
     live.store.save(judged, run)
     steps = next_steps(live.store.without_verdict())
     assert loops_to_test(steps) == ("FIC-7",)
+    noted = re.findall(
+        rf"id=([\w-]+)\"><bdi>(?:(?!</tr>).)*{SUSPECTED_NOTE}</span>", client.get("/overview").text
+    )
+    assert noted == ["FIC-7"]
     sentence = suspected_sentence(("FIC-7",))
     page = client.get("/overview").text
     text = text_of(page)

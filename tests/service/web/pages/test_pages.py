@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from html import unescape
 
 import pytest
@@ -46,6 +47,21 @@ def test_a_valve_without_a_verdict_says_why(client):
     text = page_of(client, BLIND)
     assert "Why there is no verdict" in text
     assert "S and J are not known" in text
+
+
+def test_plots_are_called_by_the_signals_in_them(live, client_of):
+    """PV stands in for a position that is not recorded; the heading does not call it the stem."""
+    assert live.plant is not None
+    entry = live.plant.valves[STICKY]
+    without = entry.model_copy(update={"tags": entry.tags.model_copy(update={"mv": None})})
+    plant = replace(live.plant, valves={**live.plant.valves, STICKY: without})
+    for site, travel, loop in (
+        (live, "Controller output and stem", "Stem against controller output"),
+        (replace(live, plant=plant), "Controller output", "Process against controller output"),
+    ):
+        page = client_of(site).get(f"/valve?id={STICKY}").text
+        assert f"<figcaption>{travel}</figcaption>" in page
+        assert f"<figcaption>{loop}</figcaption>" in page
 
 
 def test_what_the_model_leaves_out_is_on_the_page(live, client):
