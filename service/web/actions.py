@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from datetime import datetime
 
 from stemwatch.service import __version__
-from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.errors import NotThere
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.runs.schedule import ScreeningSchedule
 from stemwatch.service.store.screenings.feedback import Judgement
@@ -119,10 +119,8 @@ class Actions:
         _need_time(at)
         try:
             return self.store.add_feedback(screening, at, Judgement(judgement), found, who)
-        except StoreError as error:
-            if "there is no screening" in str(error):
-                raise Missing(f"there is no screening {screening}") from None
-            raise
+        except NotThere:
+            raise Missing(f"there is no screening {screening}") from None
 
     def baseline(self, valve: str, reason: str, who: str) -> None:
         """Make the network fitted last the valve's baseline."""
@@ -154,10 +152,8 @@ class Actions:
             raise Missing(f"there is no alert {number}")
         try:
             self.store.alerts.get(number)
-        except StoreError as error:
-            if "there is no alert" in str(error):
-                raise Missing(f"there is no alert {number}") from None
-            raise
+        except NotThere:
+            raise Missing(f"there is no alert {number}") from None
 
 
 def _need_time(at: datetime) -> None:
