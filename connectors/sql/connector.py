@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
@@ -292,8 +292,6 @@ class SqlArchive:
 
     def _bounds(self, window: Window) -> dict[str, Any]:
         """``start`` and ``end`` as the database compares them."""
-        from datetime import timedelta
-
         start = window.start
         if start is not None:
             start -= timedelta(seconds=self.address.before_s)
