@@ -96,7 +96,9 @@ Name = Annotated[Text, Field(min_length=1, max_length=200)]
 Zone = Annotated[str, AfterValidator(_known_zone)]
 Encoding = Annotated[str, AfterValidator(_known_encoding)]
 Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
+# Ten years at most: what is subtracted from a time must not lead out of the calendar.
+LONGEST_S = 10 * 366 * 86_400.0
+Duration = Annotated[float, Field(gt=0, le=LONGEST_S)]
 NotEmpty = Annotated[str, Field(min_length=1)]
 
 

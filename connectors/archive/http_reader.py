@@ -175,6 +175,11 @@ def one_line(said: str) -> str:
     ]
 
 
+def after_colon(said: str) -> str:
+    """What a server said, to be put behind the words of a message; empty where it said nothing."""
+    return f": {said}" if said else ""
+
+
 def _seconds(header: str | None) -> float:
     try:
         return max(float(header or 0.0), 0.0)

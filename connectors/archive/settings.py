@@ -14,9 +14,9 @@ from stemwatch.connectors.connector import ArchiveAddress
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.secret import Secret
 from stemwatch.connectors.settings import (
+    LONGEST_S,
+    Duration,
     Name,
-    NotNegative,
-    Positive,
     SourceSettings,
     Zone,
     contradiction,
@@ -35,8 +35,10 @@ class ArchiveSettings(SourceSettings):
     good_quality: list[Name] | None = Field(
         default=None, description='a list of the codes that mean good, such as ["192", "Good"]'
     )
-    before_s: NotNegative | None = Field(
+    before_s: float | None = Field(
         default=None,
+        ge=0,
+        le=LONGEST_S,
         description="seconds before a window that are read too, for tags that are archived when "
         "they change; 0 or more",
     )
@@ -70,7 +72,7 @@ class HttpArchiveSettings(ArchiveSettings):
         description="a file with the certificates of the site's own authority, relative to the "
         "plant file",
     )
-    timeout_s: Positive = Field(default=60.0, description="seconds, above 0")
+    timeout_s: Duration = Field(default=60.0, description="seconds, above 0")
 
     @property
     def secrets_named(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
@@ -126,6 +127,9 @@ class HistorianFile:
         self.path = Path(path)
         self.options = options
         self._opened: OpenedFile | None = None
+        # One at a time: pages ask for several plots of one file at once, and what is converted for
+        # the one is let go by the other.
+        self._guard = threading.Lock()
 
     def _open(self, wanted: Sequence[str] | None) -> OpenedFile:
         """The file, opened once; ``wanted`` tags will be asked for, or with ``None`` all."""
@@ -138,9 +142,12 @@ class HistorianFile:
 
     def tags(self) -> Sequence[TagInfo]:
         """Every tag with unit, description and, where there is no doubt, role and valve."""
+        with self._guard:
+            return self._tags(self._open(None))
+
+    def _tags(self, opened: OpenedFile) -> list[TagInfo]:
         import numpy as np
 
-        opened = self._open(None)
         infos = []
         for role in opened.roles():
             column = opened.column(role.tag)
@@ -169,13 +176,15 @@ class HistorianFile:
         from stemwatch.connectors.historian.recordings import assemble
 
         wanted = [mapping.tag for mapping in valve.tags.values()]
-        return assemble(self._open(wanted), valve, window)
+        with self._guard:
+            return assemble(self._open(wanted), valve, window)
 
     def inspect(self) -> Inspection:
         """What the reader understood and how good the data is, without reading any valve."""
         from stemwatch.connectors.historian.inspection import inspect_file
 
-        return inspect_file(self._open(None))
+        with self._guard:
+            return inspect_file(self._open(None))
 
 
 def propose_valves(source: Connector) -> list[ValveTags]:

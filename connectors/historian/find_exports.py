@@ -61,7 +61,7 @@ def find_sources(patterns: Iterable[str | Path]) -> FoundSources:
         if not matched:
             skipped[Path(pattern)] = _why_nothing(Path(pattern))
         for path in matched:
-            reason = None if path == Path(pattern) else _why_not(path)
+            reason = None if path == Path(pattern) else why_no_recording(path)
             if reason is None:
                 paths[path] = None
             else:
@@ -97,8 +97,3 @@ def _why_nothing(folder: Path) -> str:
 def _has_ending(path: Path) -> bool:
     name = path.name.lower().removesuffix(_PACKED)
     return name.endswith(ENDINGS)
-
-
-def _why_not(path: Path) -> str | None:
-    """Why a file is no recording, or ``None``. Only its first part is looked at."""
-    return why_no_recording(path)

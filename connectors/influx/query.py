@@ -16,6 +16,7 @@ import numpy as np
 
 from stemwatch.connectors.archive.http_reader import (
     HttpReader,
+    after_colon,
     http_client,
     one_line,
     token_of,
@@ -168,21 +169,25 @@ class InfluxQuery:
             body = json.loads(answer.body)
         except (ValueError, RecursionError):
             body = None
-        said = one_line(str(body.get("error") or body.get("message") or "")) if _is(body) else ""
+        said = (
+            one_line(str(body.get("error") or body.get("message") or ""))
+            if _is_object(body)
+            else ""
+        )
         if answer.status in (401, 403):
             raise ConnectorError(
-                f"{server}: the server refuses this token ({answer.status}{_after(said)}); check "
-                "the secret, and that the token may read this database"
+                f"{server}: the server refuses this token ({answer.status}{after_colon(said)}); "
+                "check the secret, and that the token may read this database"
             )
         if answer.is_redirect or answer.status != 200:
             raise ConnectorError(
-                f"{server}: the server answered {answer.status}{_after(said)}; check url and "
+                f"{server}: the server answered {answer.status}{after_colon(said)}; check url and "
                 "database (of InfluxDB 2 a bucket, which a DBRP mapping gives the name)"
             )
-        results = body.get("results") if _is(body) else None
-        if not isinstance(results, list) or not all(map(_is, results)):
+        results = body.get("results") if _is_object(body) else None
+        if not isinstance(results, list) or not all(map(_is_object, results)):
             raise ConnectorError(
-                f"{server}: the answer is none of an InfluxDB; check url{_after(said)}"
+                f"{server}: the answer is none of an InfluxDB; check url{after_colon(said)}"
             )
         for result in results:
             if error := result.get("error"):
@@ -231,9 +236,5 @@ def _text(word: str) -> str:
     return "'" + word.replace("\\", "\\\\").replace("'", "\\'") + "'"
 
 
-def _is(body: Any) -> bool:
+def _is_object(body: Any) -> bool:
     return isinstance(body, dict)
-
-
-def _after(said: str) -> str:
-    return f": {said}" if said else ""

@@ -26,7 +26,7 @@ from stemwatch.connectors.connector import (
 )
 from stemwatch.connectors.opcua.session import OpcUaServer, Security
 from stemwatch.connectors.secret import Secret
-from stemwatch.connectors.settings import Name, Positive, Text, contradiction
+from stemwatch.connectors.settings import Duration, Name, Text, contradiction
 from stemwatch.models.recording import Bools, Recording, Role
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ class OpcUaSettings(ArchiveSettings):
     secret_file: Name | None = Field(
         default=None, description="the name of a file that holds nothing but the password"
     )
-    timeout_s: Positive = Field(default=30.0, description="seconds, above 0")
+    timeout_s: Duration = Field(default=30.0, description="seconds, above 0")
     page: Annotated[int, Field(ge=2, le=1_000_000)] = Field(
         default=50_000, description="samples asked for at a time, 2 to 1000000"
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import calendar
 import glob
 import time
 from collections.abc import Mapping
@@ -107,9 +108,10 @@ def may_hold(keys: Mapping[str, str], bounds: Bounds) -> bool:
         return True
     start, stop = bounds
     first, last = span
-    if stop is not None and instant_of(stop).date() < first - _MARGIN:
+    # Folders may bear any date, such as 9999-12-31 for none, which must not be counted on from.
+    if stop is not None and instant_of(stop).date() + _MARGIN < first:
         return False
-    return start is None or instant_of(start).date() <= last + _MARGIN
+    return start is None or instant_of(start).date() - _MARGIN <= last
 
 
 def _span(keys: Mapping[str, str]) -> tuple[date, date] | None:
@@ -132,6 +134,5 @@ def _span(keys: Mapping[str, str]) -> tuple[date, date] | None:
     if day:
         return first, first
     if month:
-        following = first.replace(day=28) + timedelta(days=4)
-        return first, following.replace(day=1) - timedelta(days=1)
+        return first, first.replace(day=calendar.monthrange(year, month)[1])
     return first, date(year, 12, 31)

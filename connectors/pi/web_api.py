@@ -18,6 +18,7 @@ from stemwatch.connectors.archive.http_reader import (
     HttpAnswer,
     HttpReader,
     Parameter,
+    after_colon,
     http_client,
     one_line,
     token_of,
@@ -234,12 +235,12 @@ class PiWebApi:
             body = None
         errors = _errors(body)
         if status == 404 and missing:
-            raise UnknownTag(f"{self.server}: there is no {missing!r}{_in_words(errors)}")
+            raise UnknownTag(f"{self.server}: there is no {missing!r}{after_colon(errors)}")
         if status == 400 and "maxcount" in errors.lower().replace(" ", ""):
             raise _PageTooLarge
         if status in (401, 403):
             raise ConnectorError(
-                f"{self.server}: the server refuses this account ({status}{_in_words(errors)}); "
+                f"{self.server}: the server refuses this account ({status}{after_colon(errors)}); "
                 "check sign_in, the user and the secret, and that the account may read these points"
             )
         if answer.is_redirect:
@@ -248,7 +249,9 @@ class PiWebApi:
                 f"itself. Set url to where it is, {one_line(answer.headers.get('Location', ''))}"
             )
         if status != 200:
-            raise ConnectorError(f"{self.server}: the server answered {status}{_in_words(errors)}")
+            raise ConnectorError(
+                f"{self.server}: the server answered {status}{after_colon(errors)}"
+            )
         if not isinstance(body, dict):
             raise ConnectorError(
                 f"{self.server}: the answer is no JSON object; expected a PI Web API. Check url, "
@@ -351,7 +354,3 @@ def _errors(body: Any) -> str:
     said = body.get("Errors") or body.get("Message") or ""
     words = said if isinstance(said, list) else [said]
     return one_line("; ".join(str(word) for word in words if word))
-
-
-def _in_words(messages: str) -> str:
-    return f": {messages}" if messages else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
@@ -27,7 +27,7 @@ from stemwatch.connectors.connector import (
 )
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.secret import Secret
-from stemwatch.connectors.settings import Name, NotEmpty, Positive, contradiction
+from stemwatch.connectors.settings import Duration, Name, NotEmpty, contradiction
 from stemwatch.connectors.sql.query_rows import mistake_in
 from stemwatch.models.recording import Recording, Role
 
@@ -81,6 +81,14 @@ def url_in_folder(url: str, folder: Path) -> str:
     return f"{_SQLITE}{(folder / name).as_posix()}"
 
 
+def _count(cell: Any) -> int:
+    """How many samples a cell says; 0 where it says no number."""
+    try:
+        return int(cell)
+    except (TypeError, ValueError, OverflowError):
+        return 0
+
+
 LAYOUT = "a query for each tag"
 _FIRST, _LAST = datetime(1970, 1, 2, tzinfo=UTC), datetime(2262, 1, 1, tzinfo=UTC)
 
@@ -113,7 +121,7 @@ class SqlSettings(ArchiveSettings):
         default=None, description='"shift" (forward by an hour) or "leave_out"'
     )
 
-    timeout_s: Positive = Field(default=TIMEOUT_S, description="seconds, above 0")
+    timeout_s: Duration = Field(default=TIMEOUT_S, description="seconds, above 0")
 
     @model_validator(mode="after")
     def _one_url(self) -> Self:
@@ -169,7 +177,8 @@ class SqlArchive:
     def _database(self) -> Database:
         from stemwatch.connectors.sql.database import Database
 
-        return Database(self.address.url, str(self.address), self.address.timeout_s)
+        address = self.address
+        return Database(address.url, str(address), address.timeout_s, address.options.zone)
 
     def tags(self) -> Sequence[TagInfo]:
         """What the query of tags lists, with unit and samples where it gives them; nothing where
@@ -190,9 +199,10 @@ class SqlArchive:
             TagInfo(
                 tag=str(row[column_index["tag"]]),
                 unit=str(row[column_index["unit"]] or "") if "unit" in column_index else "",
-                samples=int(row[column_index["samples"]] or 0) if "samples" in column_index else 0,
+                samples=_count(row[column_index["samples"]]) if "samples" in column_index else 0,
             )
             for row in rows
+            if row[column_index["tag"]] is not None
         ]
 
     def present(self, valve: ValveTags) -> ValveTags:
@@ -282,8 +292,6 @@ class SqlArchive:
 
     def _bounds(self, window: Window) -> dict[str, Any]:
         """``start`` and ``end`` as the database compares them."""
-        from datetime import timedelta
-
         start = window.start
         if start is not None:
             start -= timedelta(seconds=self.address.before_s)

@@ -24,6 +24,7 @@ _READ_ONLY = {
     "mariadb": "SET SESSION TRANSACTION READ ONLY",
     "oracle": "SET TRANSACTION READ ONLY",
 }
+_IN_ZONE = "SELECT set_config('TimeZone', :zone, true)"  # until the end of the transaction
 _TIMEOUT_S = "stemwatch_timeout_s"
 
 
@@ -32,17 +33,20 @@ class Database:
 
     Each reading has a connection and a transaction of its own, read only where the engine can,
     which ends in a rollback. A query to PostgreSQL without an answer for ``timeout_s`` is given up;
-    other engines have the time-outs that their drivers take from the URL.
+    other engines have the time-outs that their drivers take from the URL. Columns of PostgreSQL
+    without a zone are compared as local times of ``zone``, where one is given.
     """
 
-    def __init__(self, url: Secret, name: str, timeout_s: float) -> None:
+    def __init__(self, url: Secret, name: str, timeout_s: float, zone: str | None = None) -> None:
         self._url = url
         self._timeout_s = timeout_s
+        self._zone = zone
         self.name = name
 
     @contextmanager
     def reading(self) -> Iterator[Connection]:
         """A connection. Raises ``ConnectorError`` where it cannot be made or a query fails."""
+        from sqlalchemy import text
         from sqlalchemy.exc import SQLAlchemyError
 
         engine = self._engine()
@@ -51,6 +55,8 @@ class Database:
                 if engine.dialect.name == "postgresql":
                     connection = connection.execution_options(postgresql_readonly=True)
                 connection.info[_TIMEOUT_S] = self._timeout_s
+                if engine.dialect.name == "postgresql" and self._zone is not None:
+                    connection.execute(text(_IN_ZONE), {"zone": self._zone})
                 yield connection
                 connection.rollback()
         except TimeoutError as error:

@@ -96,9 +96,10 @@ class Samples:
     words: dict[str, int] = field(default_factory=dict)
     has_quality: bool = False
 
-    def add(self, rows: Sequence[Sequence[Any]], source_name: tuple[int, int, int | None]) -> None:
-        """Take a chunk; ``source_name`` are the places of time, value and quality."""
-        time, value, quality = source_name
+    def add(self, rows: Sequence[Sequence[Any]], at: tuple[int, int, int | None]) -> None:
+        """Take a chunk; ``at`` are the places of time, value and quality. Raises ``TypeError`` for
+        a value that is neither a number nor a text."""
+        time, value, quality = at
         self.times += [row[time] for row in rows]
         cells = [row[value] for row in rows]
         if self.texts is None and any(isinstance(value, str) for value in cells):
@@ -131,6 +132,7 @@ def places(names: Sequence[str], name: str) -> tuple[int, int, int | None]:
 
 
 def _number(value: Any) -> float:
+    """Raises ``TypeError`` for what is no number."""
     return float("nan") if value is None else float(value)
 
 
@@ -208,8 +210,18 @@ def column_of(
 
 
 def gathered(parts: Iterator[Sequence[Sequence[Any]]], names: Sequence[str], name: str) -> Samples:
-    """All chunks of one query."""
-    samples, source_name = Samples(), places(names, name)
+    """All chunks of one query. Raises ``ConnectorError`` for columns that are no samples."""
+    samples, at = Samples(), places(names, name)
     for rows in parts:
-        samples.add(rows, source_name)
+        try:
+            samples.add(rows, at)
+        except (TypeError, ValueError):
+            examples = ", ".join(
+                f"{word} = {cell!r:.40}" for word, cell in zip(names, rows[0], strict=False)
+            )
+            raise ConnectorError(
+                f"{name}: found a value that is neither a number nor a text (the first row: "
+                f"{examples}); expected time, value and perhaps quality, in this order or under "
+                "these names"
+            ) from None
     return samples

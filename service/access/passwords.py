@@ -28,6 +28,7 @@ UNUSED_HASH = (
     "$argon2id$v=19$m=65536,t=3,p=4$QNSI6KqEqQio6CQb6C4UFA"
     "$VKLNqmmLjHyOvZIF4gwZvabUFL3L9w8SHfxgtPcidSI"
 )
+_OF_ARGON2 = "$argon2"
 _KNOWN = ("password", "passwort", "stemwatch", "qwerty", "qwertz", "123456", "abcdef", "letmein")
 
 
@@ -69,14 +70,15 @@ def hash_password(password: str) -> str:
 
 
 def matches(password: str, stored: str | None) -> bool:
-    """Whether ``password`` matches the hash ``stored``; takes the same time for ``None``. Raises
-    ``Busy``."""
+    """Whether ``password`` matches the hash ``stored``; takes the same time for ``None``, and for a
+    user without a password. Raises ``Busy``."""
+    hashed = stored if stored is not None and stored.startswith(_OF_ARGON2) else None
     with _hashing_slot():
         try:
-            right = _HASHER.verify(stored or UNUSED_HASH, _normal(password))
+            right = _HASHER.verify(hashed or UNUSED_HASH, _normal(password))
         except (VerificationError, InvalidHashError):
             return False
-    return right and stored is not None
+    return right and hashed is not None
 
 
 def needs_rehash(stored: str) -> bool:

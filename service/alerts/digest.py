@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
@@ -17,6 +18,7 @@ from stemwatch.service.store.store import Store
 _ORDER = list(AlertSeverity)
 SHOWN = 50
 _LONGEST_SUBJECT = 200
+_TOLD_OF = ("formerly", "reopened")  # what an alert was before it is told of again
 
 
 def queue_messages(store: Store, plant: Plant, *, run_id: int | None = None) -> bool:
@@ -37,12 +39,18 @@ def queue_messages(store: Store, plant: Plant, *, run_id: int | None = None) -> 
                 zone=plant.zone or "UTC",
             )
     numbers = sorted(alert.id for alert in alerts)
-    key = f"alerts-{numbers[0]}-{numbers[-1]}-{len(numbers)}"
-    # An alert that became more urgent, or came back, is sent again, in another message.
-    told_of = ("formerly", "reopened")
-    if again := sum(len(alert.evidence.get(of, ())) for alert in alerts for of in told_of):
-        key += f"-{again}"
-    return store.deliveries.put(messages, key, numbers)
+    return store.deliveries.put(messages, _key(alerts), numbers)
+
+
+def _key(alerts: Sequence[StoredAlert]) -> str:
+    """The key of the message about ``alerts``; another one where an alert became more urgent or
+    came back, which is sent again, and where a number was given out a second time."""
+    told = sorted(
+        (alert.id, alert.opened.isoformat(), *(len(alert.evidence.get(of, ())) for of in _TOLD_OF))
+        for alert in alerts
+    )
+    digest = hashlib.sha256(repr(told).encode()).hexdigest()
+    return f"alerts-{told[0][0]}-{told[-1][0]}-{digest[:12]}"
 
 
 def message_of(

@@ -234,13 +234,14 @@ def _common(group: _Group, alerts: Sequence[RaisedAlert], run_id: int) -> Raised
 
 
 def _ended_causes(causes: set[str], seen: set[str], plant: Plant) -> set[str]:
-    """Common causes that a run saw enough valves of to say that they are over."""
+    """Common causes that a run saw enough valves of to say that they are over, and those of areas,
+    units and sources that the plant does not have any more."""
     ended: set[str] = set()
     for cause_over in causes:
         *_, group_kind, name = cause_over.split(":", 3)
         members = {
             v.id for v in plant.valves.values() if (group_kind, name) in _places(plant, v.id)
         }
-        if len(members & seen) * 2 > len(members):
+        if not members or len(members & seen) * 2 > len(members):
             ended.add(cause_over)
     return ended

@@ -243,10 +243,14 @@ def prune(
 
     address = _address(plant, db)
     if samples_days is None and plant is not None:
-        samples_days = float(_plant(plant).service.keep_samples_days)
-    ages = pruning.RetentionDays(
-        samples_days=samples_days, results_days=results_days, alerts_days=alerts_days
-    )
+        # Whole days are removed: less than one is as much as one.
+        samples_days = max(1.0, _plant(plant).service.keep_samples_days)
+    try:
+        ages = pruning.RetentionDays(
+            samples_days=samples_days, results_days=results_days, alerts_days=alerts_days
+        )
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
     if ages == pruning.RetentionDays():
         raise typer.BadParameter("give --samples-days, --results-days or --alerts-days")
     with open_existing_store(address) as store:

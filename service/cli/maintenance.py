@@ -27,13 +27,13 @@ def maintenance(
     """
     from stemwatch.connectors.connector import nearest_names
     from stemwatch.service.cli import views
-    from stemwatch.service.store.screenings.records import not_done_yet
+    from stemwatch.service.store.screenings.records import no_time_of_a_plant, not_done_yet
     from stemwatch.service.store.store import open_existing_store, open_store
 
     address, loaded = named_store(plant, db)
     home = zone or (loaded.zone if loaded else None) or ""
     moment = o.instant(at, home, "--at") or datetime.now(UTC)
-    if reason := not_done_yet(moment, datetime.now(UTC)):
+    if reason := no_time_of_a_plant(moment) or not_done_yet(moment, datetime.now(UTC)):
         raise typer.BadParameter(reason, param_hint="--at")
     # A plant file names its valves before any run; without one the database may be mistyped.
     opened = open_existing_store(address) if db else open_store(address)

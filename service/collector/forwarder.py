@@ -9,7 +9,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from itertools import groupby
-from operator import attrgetter
 
 from stemwatch.connectors.modbus.backoff import Backoff
 from stemwatch.connectors.modbus.sample_batch import SampleBatch, joined
@@ -97,22 +96,24 @@ class Forwarder:
         return group
 
     def _hand_over(self, group: list[Waiting]) -> None:
-        by_source = attrgetter("source")
-        batches = sorted((waiting.batch for waiting in group), key=by_source)
-        for _, of_source in groupby(batches, key=by_source):
+        def by_source(waiting: Waiting) -> str:
+            return waiting.batch.source
+
+        for _, of_source in groupby(sorted(group, key=by_source), key=by_source):
             run = list(of_source)
             try:
-                self._write(joined(run))
+                self._write(joined([waiting.batch for waiting in run]))
             except SinkRefused:
-                self._one_by_one(run, group[0].next)
+                self._one_by_one(run)
 
-    def _one_by_one(self, batches: Iterable[SampleBatch], position: Position) -> None:
+    def _one_by_one(self, run: Iterable[Waiting]) -> None:
         """Write the batches one by one, to find those that the sink refuses."""
-        for number, batch in enumerate(batches):
+        for waiting in run:
             try:
-                self._write(batch)
+                self._write(waiting.batch)
             except SinkRefused as error:
-                self._set_aside(batch, str(error), f"{position.segment}-{position.offset}-{number}")
+                place = waiting.next  # each batch has its own
+                self._set_aside(waiting.batch, str(error), f"{place.segment}-{place.offset}")
 
     def _write(self, batch: SampleBatch) -> None:
         self._sink.write(batch)

@@ -215,8 +215,7 @@ class Spool:
         path.unlink()
 
     def _segments(self) -> list[int]:
-        names = (path.stem for path in self.folder.glob(f"*{_SUFFIX}"))
-        return sorted(int(name) for name in names if name.isdigit())
+        return [number for number, _ in _segments(self.folder)]
 
     def _path(self, number: int) -> Path:
         return self.folder / f"{number:010}{_SUFFIX}"

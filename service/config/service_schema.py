@@ -9,7 +9,14 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from stemwatch.connectors.settings import Name, Positive, TomlTable, contradiction
+from stemwatch.connectors.settings import (
+    LONGEST_S,
+    Duration,
+    Name,
+    Positive,
+    TomlTable,
+    contradiction,
+)
 from stemwatch.service.config.cron import CronTimes
 from stemwatch.service.store.runs.schedule import ScreeningSchedule
 
@@ -47,14 +54,16 @@ class ScheduleTable(TomlTable):
     cron: Annotated[str, AfterValidator(_readable_cron)] | None = Field(
         default=None, description='five cron fields as text, such as "30 5 * * 1"'
     )
-    every_s: Annotated[float, Field(ge=SHORTEST_S)] | None = Field(
-        default=None, description=f"seconds from one run to the next, {SHORTEST_S:g} or more"
+    every_s: Annotated[float, Field(ge=SHORTEST_S, le=LONGEST_S)] | None = Field(
+        default=None,
+        description=f"seconds from one run to the next, {SHORTEST_S:g} or more, at most ten years",
     )
     jitter_s: Annotated[float, Field(ge=0, le=86400)] = Field(
         default=0.0, description="seconds over which beginnings are spread, 0 to 86400"
     )
-    window_s: Positive | None = Field(
-        default=None, description="seconds of recording that a run looks at, above 0"
+    window_s: Duration | None = Field(
+        default=None,
+        description="seconds of recording that a run looks at, above 0, at most ten years",
     )
     areas: list[Name] = Field(
         default=[], description='a list of areas, such as ["Crude", "Utilities"]'
@@ -102,7 +111,7 @@ class AlertRules(TomlTable):
         default=8.0, description="weeks, 0 to 52; 0 for no alert of this kind"
     )
     sticking_suspected: bool = Field(default=False, description="true or false")
-    silent_after_s: Positive = Field(
+    silent_after_s: Duration = Field(
         default=900.0, description="seconds without a good sample, above 0"
     )
     common_valves: Annotated[int, Field(ge=2)] = Field(
@@ -220,8 +229,10 @@ class ServiceSection(TomlTable):
         default=100, description="a whole number of valves, 1 to 1000"
     )
     networks: bool = Field(default=True, description="true or false")
-    keep_samples_days: Positive = Field(default=90.0, description="days, above 0")
-    window_s: Positive = Field(
+    keep_samples_days: Annotated[float, Field(gt=0, le=36_600)] = Field(
+        default=90.0, description="days, above 0, at most 36600"
+    )
+    window_s: Duration = Field(
         default=86400.0, description="seconds of recording that a run looks at, above 0"
     )
     workers: Annotated[int, Field(ge=1, le=256)] | None = Field(

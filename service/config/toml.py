@@ -12,7 +12,8 @@ from stemwatch.connectors.settings import KeyPath, Problem
 from stemwatch.service.config.problems import PlantFileError
 
 _HEADER = re.compile(r"\s*(\[\[|\[)")
-# Only lines holding one of these can end a statement that spans several lines.
+# Only lines that end so can end a statement that spans several lines; of one with a # nobody knows
+# whether it ends in a comment.
 _CLOSERS = ("]", "}", '"""', "'''")
 
 
@@ -87,12 +88,16 @@ def _statements(text: str) -> Iterator[tuple[int, str]]:
         if not open_statement:
             first = number
         open_statement.append(line)
-        if len(open_statement) > 1 and not any(closer in line for closer in _CLOSERS):
+        if len(open_statement) > 1 and not _may_end(line):
             continue
         statement = "\n".join(open_statement)
         if _is_complete(statement):
             yield first, statement
             open_statement = []
+
+
+def _may_end(line: str) -> bool:
+    return "#" in line or line.rstrip().endswith(_CLOSERS)
 
 
 def _is_complete(statement: str) -> bool:

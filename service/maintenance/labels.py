@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from datetime import datetime
 
 from stemwatch.service.presenter.wording import printable
+from stemwatch.service.report.csv_file import harmless
 from stemwatch.service.store.screenings.feedback import Feedback
 
 LABELS = "labels.csv"
@@ -31,41 +32,35 @@ COLUMNS = (
     "at",
     "software_version",
 )
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 def labels_csv(labels: Iterable[Feedback]) -> str:
     """One line for each label under ``COLUMNS``; a text that a spreadsheet would take for a formula
     begins with an apostrophe."""
     memory = io.StringIO()
-    out = csv.writer(memory, lineterminator="\n")
+    out = csv.writer(memory)
     out.writerow(COLUMNS)
     for label in labels:
         start, end = label.window
         out.writerow(
             [
-                _text(label.valve),
+                harmless(printable(label.valve)),
                 _time(start),
                 _time(end),
                 _time(label.screened),
-                _text(label.source),
+                harmless(printable(label.source)),
                 label.verdict.value,
                 "|".join(label.effects),
                 _number(label.S),
                 _number(label.J),
                 label.judgement.value,
-                _text(label.found),
-                _text(label.who),
+                harmless(printable(label.found)),
+                harmless(printable(label.who)),
                 _time(label.at),
                 label.software_version,
             ]
         )
     return memory.getvalue()
-
-
-def _text(text: str) -> str:
-    clean = printable(text)
-    return f"'{clean}" if clean.startswith(_FORMULA) else clean
 
 
 def _time(moment: datetime | None) -> str:

@@ -34,7 +34,7 @@ HEARTBEAT_S = SILENT_AFTER.total_seconds() / 6
 UNKNOWN = "the plant file does not describe this valve (any more)"
 _LOOK_S = 5.0  # between checks for runs that another process queued
 _RETRY_S = 5.0  # while the database is not available
-_MOST_TRIALS = 12  # of a run whose executor cannot work, before it fails
+_MOST_TRIALS = 12  # of a run that does not get on, before it fails
 _PREFIX = "run-"
 
 
@@ -57,7 +57,7 @@ class QueueWorker:
         self._store, self._plant = store, plant
         self._silent_after, self._heartbeat_s = silent_after, heartbeat_s
         self.owner = process_name()
-        self._trials = Counter[int]()
+        self._trials = Counter[tuple[int, int]]()  # by run and how many of its valves were done
         self._more = threading.Event()
 
     def wake(self) -> None:
@@ -90,9 +90,7 @@ class QueueWorker:
         following.start()
         try:
             self._work_on(stored, halt, heart)
-        except StoreError:
-            raise  # the run continues when the database is available again
-        except ExecutorUnavailable as error:
+        except (StoreError, ExecutorUnavailable) as error:
             return self._put_back(stored, error)
         except Exception as error:
             log.exception("run %d failed", stored.id, extra={"run": stored.id})
@@ -138,7 +136,6 @@ class QueueWorker:
         _remove_old(run.out.parent, self._plant.service.keep_reports)
         report = None if files is None else str(run.out)
         finished = self._store.queue.finish(stored.id, RunState.DONE, report=report)
-        self._trials.pop(stored.id, None)
         text = "run %d is over: %d valves, %d set aside"
         log.info(text, stored.id, finished.total, finished.set_aside, extra={"run": stored.id})
 
@@ -196,15 +193,20 @@ class QueueWorker:
         if not heart.taken_over:
             self._store.queue.leave(stored.id, self.owner)
 
-    def _put_back(self, stored: StoredRun, error: ExecutorUnavailable) -> bool:
-        """Release a run whose executor cannot work, to retry it; after some trials it fails."""
-        self._trials[stored.id] += 1
-        if self._trials[stored.id] >= _MOST_TRIALS:
+    def _put_back(self, stored: StoredRun, error: Exception) -> bool:
+        """Release a run that its executor or the database kept from getting on, to retry it; after
+        some trials it fails, since it would hold up all others.
+
+        Raises ``StoreError`` while the database is not available, which is no trial.
+        """
+        trial = stored.id, stored.done
+        if self._trials[trial] + 1 >= _MOST_TRIALS:
             self._fail(stored, error)
             return True
+        self._store.queue.leave(stored.id, self.owner)
+        self._trials[trial] += 1
         text = "run %d is tried again: %s"
         log.warning(text, stored.id, error, extra={"run": stored.id})
-        self._store.queue.leave(stored.id, self.owner)
         return False
 
     def _fail(self, stored: StoredRun, error: Exception) -> None:
@@ -261,10 +263,11 @@ def _follow(stop: threading.Event, halt: threading.Event) -> None:
 
 def _remove_old(parent: Path, keep: int) -> None:
     """Remove all but the newest ``keep`` report folders; nothing else in ``parent`` is touched."""
-    runs = sorted(
-        path
-        for path in parent.glob(f"{_PREFIX}*")
-        if path.is_dir() and path.name.removeprefix(_PREFIX).isdigit()
-    )
-    for path in runs[:-keep]:
+
+    def number(path: Path) -> str:
+        return path.name.removeprefix(_PREFIX)
+
+    folders = [path for path in parent.glob(f"{_PREFIX}*") if path.is_dir()]
+    reports = [path for path in folders if number(path).isdecimal()]
+    for path in sorted(reports, key=lambda path: int(number(path)))[:-keep]:
         shutil.rmtree(path, ignore_errors=True)

@@ -68,13 +68,27 @@ class Scheduler:
         return None if looked_s is None else time.monotonic() - looked_s
 
     def look(self, now: datetime | None = None) -> list[int]:
-        """Queue the runs that are due and not queued yet; return their numbers."""
+        """Queue the runs that are due and not queued yet; return their numbers. A schedule that
+        cannot be planned raises its error once all others are."""
         now = now or datetime.now(UTC)
-        runs = [self._plan(stored, now) for stored in self._store.schedules.all()]
-        queued = [number for number in runs if number is not None]
-        self._looked_s = time.monotonic()
+        queued: list[int] = []
+        failed: Exception | None = None
+        for stored in self._store.schedules.all():
+            try:
+                number = self._plan(stored, now)
+            except StoreError:
+                raise  # the database is not available, or soon will not be: all of it comes again
+            except Exception as error:
+                failed = error
+                error.add_note(f"schedule {stored.schedule.name}")
+                continue
+            if number is not None:
+                queued.append(number)
         if queued:
             self._queued()
+        if failed is not None:
+            raise failed
+        self._looked_s = time.monotonic()
         return queued
 
     def _loop(self, sleep_s: float) -> None:

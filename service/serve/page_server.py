@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from stemwatch.connectors.connector import ArchiveConnector, ConnectorError, ValveTags, Window
+from stemwatch.connectors.connector import ConnectorError, NothingInWindow, Window
 from stemwatch.connectors.historian import ReadOptions
 from stemwatch.models.recording import Recording
 from stemwatch.service.config import Plant
@@ -120,7 +120,8 @@ def _is_loopback(host: str) -> bool:
 
 def recording_reader(plant: Plant, store: Store) -> Callable[[str, Window], Recording | None]:
     """A function that reads the recording of a valve in a window, or returns ``None`` where there
-    is none. It raises ``ConnectorError`` for a valve that the plant file does not describe."""
+    is none. It raises ``ConnectorError`` for a valve that the plant file does not describe, and for
+    a source that cannot be read: nobody knows then whether there is anything."""
 
     def read(valve: str, window: Window) -> Recording | None:
         if valve not in plant.valves:
@@ -132,29 +133,28 @@ def recording_reader(plant: Plant, store: Store) -> Callable[[str, Window], Reco
             except ConnectorError:
                 return None  # nothing was collected in this window
         address = plant.archive_of(valve)
-        return (
-            _in_files(plant, valve, window)
-            if address is None
-            else _archived(open_archive(address), plant.valve_tags(valve), window)
-        )
+        if address is None:
+            return _in_files(plant, valve, window)
+        archive = open_archive(address)
+        return archive.read(archive.present(plant.valve_tags(valve)), window)
 
     return read
 
 
-def _archived(archive: ArchiveConnector, tags: ValveTags, window: Window) -> Recording | None:
-    try:
-        return archive.read(archive.present(tags), window)
-    except ConnectorError:
-        return None  # the archive has nothing in this window
-
-
 def _in_files(plant: Plant, valve: str, window: Window) -> Recording | None:
-    """The recording from the newest of the source's files that has samples in the window."""
+    """The recording from the newest of the source's files that has samples in the window. Raises
+    ``ConnectorError`` where none of them could be read."""
     source = plant.source_of(valve)
     options = ReadOptions(**plant.read_options(source))
+    unread: ConnectorError | None = None
+    nothing_there = False
     for path in reversed(plant.source_files(source)):
         try:
             return open_file(str(path), options).read(plant.valve_tags(valve), window)
-        except ConnectorError:
-            continue
+        except NothingInWindow:
+            nothing_there = True
+        except ConnectorError as error:
+            unread = unread or error
+    if unread is not None and not nothing_there:
+        raise unread
     return None

@@ -1,4 +1,4 @@
-"""``StoreError``: the one error that the store raises."""
+"""``StoreError``: what the store raises."""
 
 from __future__ import annotations
 
@@ -6,3 +6,7 @@ from __future__ import annotations
 class StoreError(Exception):
     """The store could not be opened, read or written. The text names the store (passwords
     masked), what happened and what to do."""
+
+
+class NotThere(StoreError):
+    """What was asked for by its number is not in the store."""

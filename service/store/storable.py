@@ -29,3 +29,9 @@ def from_row(kind: type[Value], row: object, /, **others: Any) -> Value:
     """A ``kind`` whose fields are the columns of ``row`` with their names, but for ``others``."""
     names = (field.name for field in fields(kind) if field.name not in others)
     return kind(**{name: getattr(row, name) for name in names}, **others)
+
+
+def columns_of(value: DataclassInstance, /, **others: Any) -> dict[str, Any]:
+    """The fields of ``value`` by their names, as ``from_row`` takes them, but for ``others``."""
+    names = (field.name for field in fields(value) if field.name not in others)
+    return {name: getattr(value, name) for name in names} | others

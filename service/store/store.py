@@ -536,7 +536,7 @@ class Store:
         self, screening: int, at: datetime, judgement: Judgement, found: str, who: str = ""
     ) -> str:
         """Keep whether what a screening said was right, and what was found; its valve. Raises
-        ``StoreError`` where there is no such screening."""
+        ``NotThere``."""
         with self.transactions.writing(f"keeping what was found of screening {screening}") as s:
             return feedback.write_feedback(s, screening, at, judgement, found, who)
 

@@ -7,14 +7,20 @@ from collections.abc import Callable, Sequence
 from datetime import datetime
 
 from stemwatch.service import __version__
-from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.errors import NotThere
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.runs.schedule import ScreeningSchedule
 from stemwatch.service.store.screenings.feedback import Judgement
-from stemwatch.service.store.screenings.records import not_done_yet
+from stemwatch.service.store.screenings.records import no_time_of_a_plant, not_done_yet
 from stemwatch.service.store.store import Store
 
 LARGEST_NUMBER = 2**31 - 1  # of a row, in PostgreSQL
+
+
+def number_in(text: str) -> int:
+    """The number of a row in a part of an address; 0 where there can be none."""
+    number = int(text) if text.isascii() and text.isdigit() and len(text) < 12 else 0
+    return number if number <= LARGEST_NUMBER else 0
 
 
 class Refused(Exception):
@@ -66,6 +72,7 @@ class Actions:
 
     def snooze_all(self, alerts: Sequence[int], until: datetime, who: str) -> None:
         """Snooze several alerts; none of them where one does not exist."""
+        _need_time(until)
         for alert in alerts:
             self._alert(alert)
         for alert in alerts:
@@ -80,6 +87,7 @@ class Actions:
 
     def snooze(self, alert: int, until: datetime, who: str) -> None:
         """Snooze an alert until ``until``."""
+        _need_time(until)
         self._alert(alert)
         self.store.alerts.snooze(alert, until, who)
 
@@ -90,10 +98,12 @@ class Actions:
 
     def note(self, valve: str, at: datetime, text: str, who: str) -> None:
         """Store a note about a valve."""
+        _need_time(at)
         self.store.add_note(valve, at, text, who)
 
     def maintenance(self, valve: str, at: datetime, text: str, who: str, now: datetime) -> None:
         """Record work on a valve, which was done before ``now``."""
+        _need_time(at)
         if reason := not_done_yet(at, now):
             raise Refused(reason)
         self.store.record_maintenance(valve, at, text, who)
@@ -106,12 +116,11 @@ class Actions:
             raise Refused(f"one of {words} is expected, received {judgement!r}")
         if not 0 < screening <= LARGEST_NUMBER:
             raise Missing(f"there is no screening {screening}")
+        _need_time(at)
         try:
             return self.store.add_feedback(screening, at, Judgement(judgement), found, who)
-        except StoreError as error:
-            if "there is no screening" in str(error):
-                raise Missing(f"there is no screening {screening}") from None
-            raise
+        except NotThere:
+            raise Missing(f"there is no screening {screening}") from None
 
     def baseline(self, valve: str, reason: str, who: str) -> None:
         """Make the network fitted last the valve's baseline."""
@@ -143,7 +152,11 @@ class Actions:
             raise Missing(f"there is no alert {number}")
         try:
             self.store.alerts.get(number)
-        except StoreError as error:
-            if "there is no alert" in str(error):
-                raise Missing(f"there is no alert {number}") from None
-            raise
+        except NotThere:
+            raise Missing(f"there is no alert {number}") from None
+
+
+def _need_time(at: datetime) -> None:
+    """Raise ``Refused`` for a time that no page could show."""
+    if reason := no_time_of_a_plant(at):
+        raise Refused(reason)

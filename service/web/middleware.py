@@ -132,13 +132,21 @@ def _unsafe_refusal(headers: Headers) -> PlainTextResponse | None:
     """A request that changes something must come from a page of ours, or from no page at all."""
     site = headers.get("sec-fetch-site", "same-origin")
     origin = headers.get("origin")
-    foreign = origin is not None and urlsplit(origin).netloc != headers.get("host")
+    foreign = origin is not None and not _is_of(origin, headers.get("host"))
     if foreign or site not in ("same-origin", "none"):
         return PlainTextResponse("This request came from another site's page.", 403)
     length = headers.get("content-length", "")
     if not length.isdigit() or int(length) > LARGEST_BODY:
         return PlainTextResponse(TOO_LONG, 413 if length.isdigit() else 411)
     return None
+
+
+def _is_of(origin: str, host: str | None) -> bool:
+    """Whether an Origin names ``host``; what is no address names nobody."""
+    try:
+        return urlsplit(origin).netloc == host
+    except ValueError:
+        return False
 
 
 def _limited_body(receive: Receive) -> Receive:

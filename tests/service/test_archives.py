@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 from sqlalchemy import create_engine, text
 
-from stemwatch.connectors.connector import Window
+from stemwatch.connectors.connector import ConnectorError, Window
 from stemwatch.service.config import load_plant
 from stemwatch.service.run.plan import Request, make_plan
 from stemwatch.service.run.task import screen_tasks
@@ -207,6 +207,49 @@ def test_scheduled_runs_and_pages_read_it_too(plant_file: Path) -> None:
         recording = recording_reader(plant, store)(VALVE, window)
     assert recording is not None
     assert recording.mv is not None
+
+
+def test_pages_tell_a_source_that_cannot_be_read_from_an_empty_window(
+    plant_file: Path, tmp_path: Path
+) -> None:
+    """Nothing there is what the archive says; a broken archive says nothing about the window."""
+    plant = load_plant(plant_file)
+    with open_store(f"sqlite:///{tmp_path / 'store.db'}") as store:
+        read = recording_reader(plant, store)
+        with pytest.raises(ConnectorError, match=r"no samples between 2031.*the archive covers"):
+            read(VALVE, Window(start=datetime(2031, 1, 1, tzinfo=UTC)))
+        for file in (plant_file.parent / "archive").rglob("*.parquet"):
+            file.write_bytes(b"PAR1")
+        with pytest.raises(ConnectorError, match=r"part-0\.parquet: "):
+            recording_reader(plant, store)(VALVE, Window())
+
+
+def test_pages_tell_files_that_cannot_be_read_from_an_empty_window(tmp_path: Path) -> None:
+    """One file without the window is an answer; only broken ones are none."""
+    plant = load_plant(text_plant(tmp_path))
+    later = Window(start=datetime(2031, 1, 1, tzinfo=UTC))
+    with open_store(f"sqlite:///{tmp_path / 'store.db'}") as store:
+        read = recording_reader(plant, store)
+        (tmp_path / "exports" / "b.csv").write_bytes(b"no export")
+        assert read("A", later) is None
+        (tmp_path / "exports" / "a.csv").write_bytes(b"no export either")
+        with pytest.raises(ConnectorError, match=r"b\.csv"):
+            read("A", later)
+
+
+def text_plant(folder: Path) -> Path:
+    """A plant with one valve in a folder of text exports, one of which is whole."""
+    (folder / "exports").mkdir()
+    rows = [f"2026-03-02T06:{n // 60:02}:{n % 60:02}Z,{n % 7},{n % 7}" for n in range(600)]
+    text = "\n".join(["time,A.OP,A.MV", *rows])
+    (folder / "exports" / "a.csv").write_text(text, encoding="utf-8")
+    file = folder / "plant.toml"
+    file.write_text(
+        '[[sources]]\nname = "s"\npath = "exports/*.csv"\n[[valves]]\nid = "A"\nsource = "s"\n'
+        '[valves.tags]\nop = { tag = "A.OP" }\nmv = { tag = "A.MV" }\n',
+        encoding="utf-8",
+    )
+    return file
 
 
 def test_a_window_without_samples_is_a_result_with_the_reason(plant_file: Path) -> None:

@@ -224,8 +224,14 @@ def test_prune_needs_to_be_told_what(stemwatch, site: str, tmp_path: Path) -> No
     outcome = stemwatch("db", "prune", "--db", site)
     assert outcome.status == 2
     assert "--samples-days" in outcome.said
-    planned = stemwatch("db", "prune", "--plant", tmp_path / "plant.toml")
-    assert planned.status == 0, planned.said
+    file = tmp_path / "plant.toml"
+    for text in ("", "[service]\nkeep_samples_days = 0.5\n"):
+        file.write_text(file.read_text(encoding="utf-8") + text, encoding="utf-8")
+        planned = stemwatch("db", "prune", "--plant", file)
+        assert planned.status == 0, planned.said
+    outcome = stemwatch("db", "prune", "--db", site, "--results-days", "1e9")
+    assert outcome.status == 2
+    assert "1 to 36600 days can be kept" in outcome.said
 
 
 @pytest.mark.parametrize(

@@ -56,12 +56,18 @@ class LoginAttempts:
     def succeeded(self, forgotten: str, undone: Sequence[str]) -> None:
         """Record that an attempt succeeded: delete the count under ``forgotten``, and reduce those
         under ``undone`` by this attempt."""
+        keys = (forgotten, *undone)
         with self._transactions.writing("noting a login") as session:
-            session.execute(delete(AttemptRow).where(AttemptRow.key == forgotten))
+            # Locked in the order in which ``begin`` does: two logins at once cannot wait for each
+            # other.
             for row in session.scalars(
-                select(AttemptRow).where(AttemptRow.key.in_(undone)).with_for_update()
+                select(AttemptRow)
+                .where(AttemptRow.key.in_(keys))
+                .order_by(AttemptRow.key)
+                .with_for_update()
             ):
                 row.count, row.until = max(0, row.count - 1), row.last
+            session.execute(delete(AttemptRow).where(AttemptRow.key == forgotten))
 
     def remove_old(self, before: datetime) -> None:
         """Delete counts whose last attempt was before ``before``."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import unicodedata
 from datetime import datetime
 
-from sqlalchemy import delete, func, select
+from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
 from stemwatch.service.store.accounts.one_time_links import revoke, use_up
@@ -108,9 +108,9 @@ class Accounts:
     def set_role(self, user: int, role: UserRole) -> User:
         """Change a user's role. Raises ``LastAdmin``."""
         with self._transactions.writing("changing a role") as session:
-            row = _locked_user(session, user)
             if role is not UserRole.ADMIN:
-                _refuse_last_admin(session, row)
+                _refuse_last_admin(session, user)
+            row = _locked_user(session, user)
             row.role = role.value
             return user_of(row)
 
@@ -118,8 +118,8 @@ class Accounts:
         """Disable a user: sessions end, links are withdrawn, tokens are invalid until the user is
         enabled again. Raises ``LastAdmin``."""
         with self._transactions.writing("disabling a user") as session:
+            _refuse_last_admin(session, user)
             row = _locked_user(session, user)
-            _refuse_last_admin(session, row)
             row.disabled = row.disabled or now
             session.execute(delete(SessionRow).where(SessionRow.user_id == user))
             revoke(session, now, LinkRow.user_id == user)
@@ -178,13 +178,14 @@ def _set_password(session: Session, user: int, password: str, now: datetime) -> 
     return user_of(row)
 
 
-def _refuse_last_admin(session: Session, row: UserRow) -> None:
-    if row.role != UserRole.ADMIN.value or row.disabled is not None:
-        return
-    admins = session.scalar(
-        select(func.count())
-        .select_from(UserRow)
+def _refuse_last_admin(session: Session, user: int) -> None:
+    """Raise ``LastAdmin`` where nobody else is an enabled admin. All of them are locked: otherwise
+    two changes at the same time could each leave the other's user as the last one."""
+    admins = session.scalars(
+        select(UserRow)
         .where(UserRow.role == UserRole.ADMIN.value, UserRow.disabled.is_(None))
-    )
-    if admins == 1:
-        raise LastAdmin(f"{row.name} is the only admin; make somebody else one first")
+        .order_by(UserRow.id)
+        .with_for_update()
+    ).all()
+    if [admin.id for admin in admins] == [user]:
+        raise LastAdmin(f"{admins[0].name} is the only admin; make somebody else one first")

@@ -11,7 +11,7 @@ import json
 import os
 import zipfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -66,16 +66,16 @@ class BackupFile:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._zip = _opened(path)
-        manifest = self._manifest()
-        self.made, self.made_by = str(manifest["made"]), str(manifest["software_version"])
-        tables = manifest["tables"]
-        self.schema = DatabaseSchema(
-            revision=manifest["schema"], tables=tuple(_table(name, tables[name]) for name in tables)
-        )
-        self.promised = {
-            name: TableDigest(rows=table["rows"], digest=table["digest"])
-            for name, table in tables.items()
-        }
+        try:
+            self._read_manifest()
+        except (KeyError, TypeError, ValueError, AttributeError, zipfile.BadZipFile) as error:
+            self._zip.close()
+            raise StoreError(
+                f"{path}: no backup of stemwatch: it has no readable {_MANIFEST}"
+            ) from error
+        except StoreError:
+            self._zip.close()
+            raise
 
     def close(self) -> None:
         """Close the file."""
@@ -91,20 +91,23 @@ class BackupFile:
         except (KeyError, zipfile.BadZipFile, pa.ArrowException, OSError) as error:
             raise StoreError(f"{self._path}: {table.name} is damaged: {error}") from error
 
-    def _manifest(self) -> dict[str, Any]:
-        try:
-            manifest: dict[str, Any] = json.loads(self._zip.read(_MANIFEST))
-            form = manifest["form"]
-        except (KeyError, ValueError, zipfile.BadZipFile) as error:
+    def _read_manifest(self) -> None:
+        manifest = json.loads(self._zip.read(_MANIFEST))
+        if manifest["form"] != FORM:
             raise StoreError(
-                f"{self._path}: no backup of stemwatch: it has no readable {_MANIFEST}"
-            ) from error
-        if form != FORM:
-            raise StoreError(
-                f"{self._path}: written by a newer stemwatch (form {form}; this version reads "
-                f"form {FORM}). Install the newer version."
+                f"{self._path}: written by a newer stemwatch (form {manifest['form']}; this "
+                f"version reads form {FORM}). Install the newer version."
             )
-        return manifest
+        self.made, self.made_by = str(manifest["made"]), str(manifest["software_version"])
+        tables = manifest["tables"]
+        self.schema = DatabaseSchema(
+            revision=manifest["schema"],
+            tables=tuple(_table(name, described) for name, described in tables.items()),
+        )
+        self.promised = {
+            name: TableDigest(rows=table["rows"], digest=table["digest"])
+            for name, table in tables.items()
+        }
 
 
 @contextmanager
@@ -125,10 +128,10 @@ def write_archive(source: LiveDatabase, path: Path, described: str) -> dict[str,
     """
     if path.exists():
         raise StoreError(f"{path}: there is a file already; give another name, or move it away")
-    path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f"{path.name}.part")
     digests: dict[str, TableDigest] = {}
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         handle = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
         with os.fdopen(handle, "wb") as file:
             with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
@@ -144,7 +147,8 @@ def write_archive(source: LiveDatabase, path: Path, described: str) -> dict[str,
             "there; make room on its disk, or choose another folder, and run again"
         ) from error
     finally:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):  # its folder may be a file
+            part.unlink(missing_ok=True)
     return digests
 
 
@@ -201,3 +205,5 @@ def _opened(path: Path) -> zipfile.ZipFile:
         raise StoreError(
             f"{path}: no backup of stemwatch, or one that was cut short: {error}"
         ) from None
+    except OSError as error:
+        raise StoreError(f"{path}: cannot be read: {error.strerror or error}") from None

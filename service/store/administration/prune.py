@@ -16,10 +16,13 @@ from stemwatch.service.store.screenings.screenings import latest_screening_id
 from stemwatch.service.store.screenings.tables import RunRow, ScreeningRow
 from stemwatch.service.store.store import Store
 
+MOST_DAYS = 36_600  # a century
+
 
 @dataclass(frozen=True, kw_only=True)
 class RetentionDays:
-    """How many days to keep of each; ``None`` keeps everything. Raises ``ValueError`` below 1."""
+    """How many days to keep of each, 1 to ``MOST_DAYS``; ``None`` keeps everything. Raises
+    ``ValueError`` for others."""
 
     samples_days: float | None = None
     results_days: float | None = None
@@ -27,8 +30,8 @@ class RetentionDays:
 
     def __post_init__(self) -> None:
         for days in (self.samples_days, self.results_days, self.alerts_days):
-            if days is not None and days < 1:
-                raise ValueError(f"at least one day must be kept, received {days:g}")
+            if days is not None and not 1 <= days <= MOST_DAYS:
+                raise ValueError(f"1 to {MOST_DAYS} days can be kept, received {days:g}")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,7 @@ from stemwatch.service.presenter.plant_path import WHOLE_PLANT, PartOfPlant
 from stemwatch.service.store.alerts.tables import AlertRow
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions
-from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.errors import NotThere
 from stemwatch.service.store.screenings.ranking import in_part, read_places
 from stemwatch.service.store.screenings.screenings import ensure_valve
 from stemwatch.service.store.screenings.tables import ValveRow
@@ -186,7 +186,7 @@ class Alerts:
             return stored_alert(row)
 
     def get(self, alert: int) -> StoredAlert:
-        """The alert with this number. Raises ``StoreError`` where there is none."""
+        """The alert with this number. Raises ``NotThere``."""
         with self._transactions.reading() as session:
             return stored_alert(_row(session, alert))
 
@@ -244,7 +244,7 @@ class Alerts:
 def _row(session: Session, alert: int) -> AlertRow:
     row = session.scalar(select(AlertRow).where(AlertRow.id == alert).with_for_update())
     if row is None:
-        raise StoreError(f"there is no alert {alert}")
+        raise NotThere(f"there is no alert {alert}")
     return row
 
 

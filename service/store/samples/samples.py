@@ -36,7 +36,7 @@ from stemwatch.service.store.samples.tag_quality import (
     read_dead_tags,
     read_last_good,
 )
-from stemwatch.service.store.storable import clean_text
+from stemwatch.service.store.storable import clean_text, from_row
 
 log = logging.getLogger(__name__)
 
@@ -114,10 +114,7 @@ class SampleStore:
         """The tags of a source, by name."""
         with self._transactions.reading() as session:
             rows = select(TagRow).where(TagRow.source == source).order_by(TagRow.name)
-            return [
-                StoredTag(id=row.id, source=row.source, name=row.name, unit=row.unit)
-                for row in session.scalars(rows)
-            ]
+            return [from_row(StoredTag, row) for row in session.scalars(rows)]
 
     def read(
         self, source: str, tag: str, start: datetime | None = None, stop: datetime | None = None

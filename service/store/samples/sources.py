@@ -11,7 +11,7 @@ from sqlalchemy import select
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions
 from stemwatch.service.store.samples.tables import SourceStateRow, TakenFileRow
-from stemwatch.service.store.storable import from_row
+from stemwatch.service.store.storable import columns_of, from_row
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,16 +51,7 @@ class Sources:
 
     def note(self, state: SourceState) -> None:
         """Store the present state of a source."""
-        values = {
-            "source": state.source,
-            "kind": state.kind,
-            "address": state.address,
-            "updated": state.updated,
-            "last_good": state.last_good,
-            "connected": state.connected,
-            "fault": state.fault,
-            "figures": dict(state.figures),
-        }
+        values = columns_of(state, figures=dict(state.figures))
         with self._transactions.writing(f"noting the state of {state.source}") as session:
             session.execute(upsert(session, SourceStateRow, [values], ("source",)))
 
@@ -68,19 +59,7 @@ class Sources:
         """The state of every source, by name."""
         with self._transactions.reading() as session:
             rows = session.scalars(select(SourceStateRow).order_by(SourceStateRow.source))
-            return [
-                SourceState(
-                    source=row.source,
-                    kind=row.kind,
-                    address=row.address,
-                    updated=row.updated,
-                    last_good=row.last_good,
-                    connected=row.connected,
-                    fault=row.fault,
-                    figures=row.figures,
-                )
-                for row in rows
-            ]
+            return [from_row(SourceState, row) for row in rows]
 
     def taken(self, digest: str) -> TakenFile | None:
         """The file with this digest, if one was read or rejected before."""
@@ -90,18 +69,8 @@ class Sources:
 
     def note_taken(self, file: TakenFile) -> None:
         """Record that a file was read or rejected; replaces an earlier entry for the same bytes."""
-        values = {
-            "digest": file.digest,
-            "name": file.name,
-            "source": file.source,
-            "taken": file.taken,
-            "accepted": file.accepted,
-            "samples": file.samples,
-            "note": file.note,
-            "too_old": file.too_old,
-        }
         with self._transactions.writing(f"noting the file {file.name}") as session:
-            session.execute(upsert(session, TakenFileRow, [values], ("digest",)))
+            session.execute(upsert(session, TakenFileRow, [columns_of(file)], ("digest",)))
 
     def files(self, source: str | None = None, limit: int = 100) -> list[TakenFile]:
         """The last files, newest first."""

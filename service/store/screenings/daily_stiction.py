@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import date, timedelta
 
-from sqlalchemy import func, select
+from sqlalchemy import ColumnElement, func, select
 from sqlalchemy.orm import Session
 
 from stemwatch.models.history.fall_of_stiction import history_since_fall
@@ -79,7 +79,7 @@ def _daily(
         valve: max(window_end - reach, work.get(valve, window_end - reach))
         for valve, window_end in latest.items()
     }
-    day = func.date(ScreeningRow.at)
+    day = _day(session)
     means = func.avg(ScreeningRow.s_percent), func.avg(ScreeningRow.j_percent)
     statement = select(ScreeningRow.valve, day, *means).where(
         *conditions, ScreeningRow.at >= min(begins.values())
@@ -91,3 +91,9 @@ def _daily(
         if when >= begins[valve].date() and (valve not in work or when > work[valve].date()):
             by_day[valve][when] = (float(S), None if J is None else float(J))
     return by_day
+
+
+def _day(session: Session) -> ColumnElement[date]:
+    """The day of a screening in UTC. PostgreSQL would take the zone of its server."""
+    is_sqlite = session.get_bind().dialect.name == "sqlite"  # which keeps times in UTC
+    return func.date(ScreeningRow.at if is_sqlite else func.timezone("UTC", ScreeningRow.at))

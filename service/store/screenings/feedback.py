@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.work_decision import overall_verdict
-from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.errors import NotThere
 from stemwatch.service.store.screenings.named_effects import (
     KEY,
     confirmed_of,
@@ -60,11 +60,10 @@ class Feedback:
 def write_feedback(
     session: Session, screening: int, at: datetime, judgement: Judgement, found: str, who: str
 ) -> str:
-    """Keep what a person found of ``screening``; its valve. Raises ``StoreError`` where there is no
-    such screening."""
+    """Keep what a person found of ``screening``; its valve. Raises ``NotThere``."""
     row = session.get(ScreeningRow, screening)
     if row is None:
-        raise StoreError(f"there is no screening {screening}")
+        raise NotThere(f"there is no screening {screening}")
     effects = [] if remark_of(row.mismatch) else list(row.mismatch_slugs or ())
     defects = effects and defects_of(effects, (row.mismatch or {}).get(KEY))
     confirmed = confirmed_of(row.evidence)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from enum import StrEnum
 from typing import Protocol
 
@@ -245,6 +245,19 @@ class Remark:
     at: datetime
     note: str
     who: str
+
+
+# Of times that people and programs give: far beyond, a time in the plant's own zone may lie outside
+# the calendar, and no page could show it.
+EARLIEST, LATEST = datetime(1970, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
+
+
+def no_time_of_a_plant(at: datetime) -> str:
+    """Why ``at`` cannot be meant; empty where it can."""
+    if EARLIEST <= at <= LATEST:
+        return ""
+    years = f"{EARLIEST.year} and {LATEST.year}"
+    return f"a time between {years} is expected, received {at.isoformat()}"
 
 
 def not_done_yet(at: datetime, now: datetime) -> str:

@@ -14,6 +14,7 @@ from stemwatch.models.recording import Floats, Recording, Role
 from stemwatch.service.config.schema import Tag
 from stemwatch.service.report.charts.thinning import ThinningGrid, lowest_and_highest
 from stemwatch.service.store.samples.plot_points import PlotPoints
+from stemwatch.service.store.screenings.records import EARLIEST, LATEST
 from stemwatch.service.store.store import Store
 from stemwatch.service.web.api.schemas import SignalsAnswer, Trace
 from stemwatch.service.web.site import Site
@@ -166,7 +167,6 @@ def json_numbers(values: Floats) -> list[float | None]:
     return [value if fine else None for value, fine in zip(rounded, finite.tolist(), strict=True)]
 
 
-EARLIEST, LATEST = datetime(1970, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
 SHORTEST = timedelta(seconds=1)
 
 

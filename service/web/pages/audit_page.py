@@ -13,7 +13,7 @@ from starlette.datastructures import QueryParams
 
 from stemwatch.service.store.accounts.audit import AuditFilter
 from stemwatch.service.store.accounts.records import AuditOutcome, StoredAuditEntry
-from stemwatch.service.web.actions import LARGEST_NUMBER
+from stemwatch.service.web.actions import LARGEST_NUMBER, number_in
 from stemwatch.service.web.api import schemas as shapes
 from stemwatch.service.web.api.schemas import AuditLine
 from stemwatch.service.web.dependencies import Dependencies, Deps
@@ -76,16 +76,14 @@ def audit_lines(
 
 def wanted_of(query: QueryParams, deps: Dependencies) -> AuditFilter:
     """The filter in an address; invalid parts are left out and are never an error."""
-    outcome, before = query.get("outcome", ""), query.get("before", "")
-    number = int(before) if before.isascii() and before.isdigit() and len(before) < 12 else 0
-    start, stop = _day(query.get("start", ""), deps), _day(query.get("stop", ""), deps)
+    outcome = query.get("outcome", "")
     return AuditFilter(
         who=query.get("who", "")[:LONGEST_WORD],
         action=query.get("action", "")[:LONGEST_WORD],
         outcome=AuditOutcome(outcome) if outcome in list(AuditOutcome) else None,
-        start=start,
-        stop=None if stop is None else stop + timedelta(days=1),
-        before=number if 0 < number <= LARGEST_NUMBER else None,
+        start=_day(query.get("start", ""), deps),
+        stop=_day(query.get("stop", ""), deps, after=1),
+        before=number_in(query.get("before", "")) or None,
         limit=PAGE,
     )
 
@@ -95,10 +93,11 @@ def line_of(entry: StoredAuditEntry) -> AuditLine:
     return AuditLine(**{name: getattr(entry, name) for name in AuditLine.model_fields})
 
 
-def _day(text: str, deps: Dependencies) -> datetime | None:
-    """The beginning of a day in the plant's zone."""
+def _day(text: str, deps: Dependencies, after: int = 0) -> datetime | None:
+    """The beginning of a day in the plant's zone, or of the one ``after`` so many days."""
     try:
-        return datetime.fromisoformat(text).replace(tzinfo=deps.site.tz).astimezone(UTC)
+        day = datetime.fromisoformat(text) + timedelta(days=after)
+        return day.replace(tzinfo=deps.site.tz).astimezone(UTC)
     except (ValueError, OverflowError):
         return None
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from urllib.parse import urlsplit
-
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 
@@ -117,10 +115,9 @@ def take_link(request: Request, deps: Deps, form: SentOpenForm) -> Response:
 def safe_place(address: str) -> str:
     """The address if it is a page of this site, else the first page, so that a login link cannot
     redirect to another site."""
-    parts = urlsplit(address)
     printable = address.isprintable() and "\\" not in address
     on_this_site = address.startswith("/") and not address.startswith("//")
-    return address if printable and on_this_site and not parts.scheme and not parts.netloc else "/"
+    return address if printable and on_this_site else "/"
 
 
 def _enter(

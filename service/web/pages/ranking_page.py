@@ -30,6 +30,7 @@ from stemwatch.service.store.screenings.ranking import (
     SORTS,
     RankingFilter,
 )
+from stemwatch.service.web.actions import number_in
 from stemwatch.service.web.dependencies import Deps
 
 LONGEST_SEARCH = 200
@@ -98,7 +99,6 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
 def wanted_of(query: QueryParams) -> RankingFilter:
     """The filter in an address; invalid parts keep their default and are never an error."""
     sort = query.get("sort", "")
-    page = query.get("page", "")
     levels = [text for text in query.getlist("criticality") if text in ("1", "2", "3")]
     return RankingFilter(
         text=query.get("q", "").strip()[:LONGEST_SEARCH],
@@ -109,7 +109,7 @@ def wanted_of(query: QueryParams) -> RankingFilter:
         criticalities=tuple(int(level) for level in levels),
         sort=sort if sort in SORTS else "rank",
         descending=query.get("order") == "desc",
-        page=min(int(page), MOST_PAGES) if page.isascii() and page.isdigit() and int(page) else 1,
+        page=min(number_in(query.get("page", "")), MOST_PAGES) or 1,
     )
 
 

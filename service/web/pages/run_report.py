@@ -7,7 +7,7 @@ from pathlib import Path
 from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import FileResponse, Response
 
-from stemwatch.service.web.actions import LARGEST_NUMBER
+from stemwatch.service.web.actions import number_in
 from stemwatch.service.web.dependencies import Dependencies, Deps
 
 PAGE, MAINTENANCE = "report.html", "maintenance.html"
@@ -37,9 +37,7 @@ router = APIRouter(include_in_schema=False)
 def report(request: Request, deps: Deps) -> Response:
     """One file of a run's report; ``id`` is the run, ``file`` one of ``TYPES``."""
     run_text = request.query_params.get("id", "")
-    number = (
-        int(run_text) if run_text.isascii() and run_text.isdigit() and len(run_text) < 12 else 0
-    )
+    number = number_in(run_text)
     name = request.query_params.get("file", PAGE)
     if name not in TYPES:
         raise HTTPException(404, f"A report has no file {name!r}.")
@@ -67,7 +65,7 @@ def _led_here(page: bytes, number: int) -> bytes:
 def report_folder(deps: Dependencies, number: int) -> Path | None:
     """Where the report of a run lies; ``None`` where it has none among the plant's reports."""
     plant = deps.site.plant
-    if plant is None or not 0 < number <= LARGEST_NUMBER:
+    if plant is None or not number:
         return None
     run = deps.store.queue.find(number)
     if run is None or not run.report:

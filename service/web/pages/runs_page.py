@@ -9,7 +9,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 
 from stemwatch.service.presenter.plant_path import PartOfPlant, UnknownPart
 from stemwatch.service.store.screenings.records import RunState, StoredRun
-from stemwatch.service.web.actions import LARGEST_NUMBER
+from stemwatch.service.web.actions import number_in
 from stemwatch.service.web.auth.current_user import SignedIn
 from stemwatch.service.web.auth.forms import SentForm
 from stemwatch.service.web.dependencies import Dependencies, Deps
@@ -46,10 +46,8 @@ def run_list(request: Request, deps: Deps) -> HTMLResponse:
 def one_run(request: Request, deps: Deps) -> HTMLResponse:
     """One run with the valves that were set aside."""
     run_text = request.query_params.get("id", "")
-    number = (
-        int(run_text) if run_text.isascii() and run_text.isdigit() and len(run_text) < 12 else 0
-    )
-    run = deps.store.queue.find(number) if 0 < number <= LARGEST_NUMBER else None
+    number = number_in(run_text)
+    run = deps.store.queue.find(number) if number else None
     if run is None:
         raise HTTPException(404, f"There is no run {run_text!r}.")
     return deps.renderer.page(

@@ -5,18 +5,23 @@ from __future__ import annotations
 import gzip
 import subprocess
 import sys
+import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime, timedelta
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian import ReadOptions
+from stemwatch.connectors.connector import TagMapping, UnreadableSource, ValveTags
+from stemwatch.connectors.historian import HistorianFile, ReadOptions, opened_file
 from stemwatch.connectors.historian.opened_file import open_file
 from stemwatch.connectors.historian.tables import large_file, text_pieces
+from stemwatch.connectors.historian.values.columns import convert
+from stemwatch.models.recording import Role
 from tests.connectors.historian.example_exports import everything
 
 ROWS = 900
@@ -162,6 +167,38 @@ def test_what_could_be_misread_in_pieces_is_read_whole(whole_and_in_pieces, name
     complete, pieces, in_pieces = whole_and_in_pieces(READ_WHOLE[name], ReadOptions())
     assert not in_pieces
     assert pieces == complete
+
+
+def test_many_who_ask_for_valves_of_one_file_at_once_come_one_by_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a page does with its plots: what is converted for the one is let go for the other."""
+    monkeypatch.setattr(large_file, "LARGE_BYTES", 0)
+    monkeypatch.setattr(opened_file, "_NUMBERS_KEPT", 1)
+    path = tmp_path / "export.csv"
+    path.write_bytes(export())
+    valves = [
+        ValveTags(valve=name, tags={Role.OP: TagMapping(tag=f"{name}.OP")})
+        for name in ("FIC-1", "FIC-2")
+    ]
+    alone = [HistorianFile(path).read(valve) for valve in valves]
+    at_work: list[int] = []
+    most = 0
+
+    def slowly(*columns: Any, **options: Any) -> Any:
+        nonlocal most
+        at_work.append(1)
+        most = max(most, len(at_work))
+        time.sleep(0.02)
+        at_work.pop()
+        return convert(*columns, **options)
+
+    monkeypatch.setattr(opened_file, "convert", slowly)
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(HistorianFile(path).read, valves * 2))
+    assert most == 1
+    for expected, recording in zip(alone * 2, together, strict=True):
+        np.testing.assert_array_equal(recording.op.values, expected.op.values)
 
 
 def test_marks_that_nothing_settles_are_refused_alike(whole_and_in_pieces) -> None:

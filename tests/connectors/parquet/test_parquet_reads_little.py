@@ -121,6 +121,17 @@ def test_year_month_and_day_folders_are_dates(tmp_path: Path, folder: str) -> No
         assert not any("torn" in decision for decision in recording.provenance.decisions)
 
 
+@pytest.mark.parametrize("window", [WINDOW, Window(start=made.START), Window(stop=WINDOW.stop)])
+def test_folders_at_the_ends_of_the_calendar_cost_the_others_nothing(
+    tmp_path: Path, window: Window
+) -> None:
+    """9999-12-31 often stands for no date."""
+    made.write(made.valves_table("A"), tmp_path / "date=2026-01-05" / "a.parquet")
+    for folder in ("date=9999-12-31", "date=0001-01-01", "year=9999/month=12", "year=1/month=1"):
+        made.write(made.valves_table("B"), tmp_path / folder / "b.parquet")
+    assert len(ParquetArchive(tmp_path).read(tags("A"), window)) >= 300
+
+
 def test_folders_of_neighbouring_days_are_read_too(tmp_path: Path) -> None:
     """A window of a UTC day also looks into the folders of the days beside it."""
     made.write(made.valves_table("A"), tmp_path / "date=2026-01-06" / "a.parquet")

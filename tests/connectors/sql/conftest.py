@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import uuid
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 
 import pytest
-from sqlalchemy import create_engine, make_url, text
+from sqlalchemy import create_engine, text
 
 from stemwatch.connectors.secret import Secret
 from stemwatch.connectors.sql import SqlAddress
 from tests.connectors import example_archives as made
-from tests.service.store.conftest import _administer
+from tests.service.store.conftest import database_like
 from tests.service.store.conftest import postgres_server as postgres_server
 
 QUERY = (
@@ -23,14 +22,18 @@ QUERY = (
 TAGS = "SELECT tag, COUNT(value) AS samples FROM history GROUP BY tag ORDER BY tag"
 
 
-def fill(url: str) -> None:
-    """A table ``history`` with the recording; times are text in SQLite, instants in PostgreSQL."""
+def fill(url: str, kind: str = "") -> None:
+    """A table ``history`` with the recording; times are text in SQLite, instants in PostgreSQL, or
+    of the ``kind`` that is given, without their zone."""
     engine = create_engine(url)
     sqlite = engine.dialect.name == "sqlite"
-    kind = "text" if sqlite else "timestamptz"
+    local = bool(kind)
+    kind = kind or ("text" if sqlite else "timestamptz")
 
     def written(time: datetime) -> str | datetime:
-        return time.replace(tzinfo=None).isoformat(sep=" ") if sqlite else time
+        if sqlite:
+            return time.replace(tzinfo=None).isoformat(sep=" ")
+        return time.replace(tzinfo=None) if local else time
 
     rows = [
         {"tag": tag, "time": written(time), "value": value, "quality": quality}
@@ -73,10 +76,13 @@ def history_url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]
         fill(url)
         yield url
         return
-    server = request.getfixturevalue("postgres_server")
-    name = f"history_{uuid.uuid4().hex[:12]}"
-    _administer(server, f'CREATE DATABASE "{name}"')
-    url = make_url(server).set(database=name).render_as_string(hide_password=False)
+    url = request.getfixturevalue("empty_postgres")
     fill(url)
     yield url
-    _administer(server, f'DROP DATABASE "{name}" WITH (FORCE)')
+
+
+@pytest.fixture
+def empty_postgres(postgres_server: str) -> Iterator[str]:
+    """The URL of an empty PostgreSQL database."""
+    with database_like("template1", postgres_server) as url:
+        yield url

@@ -141,6 +141,44 @@ def test_local_times_use_the_given_zone_and_need_one_for_a_window(tmp_path: Path
         none.read(made.valve(), HOUR)
 
 
+@pytest.mark.postgres
+def test_a_window_is_one_of_the_given_zone_whatever_the_clock_of_the_server(
+    empty_postgres: str,
+) -> None:
+    """PostgreSQL would take a column without a zone for times of its own."""
+    from tests.connectors.sql.conftest import fill
+
+    fill(empty_postgres, "timestamp")
+    own_zone = f"{empty_postgres}&options=-c%20TimeZone%3DAsia/Tokyo"
+    berlin = address(own_zone, options=ReadOptions(zone="Europe/Berlin")).open()
+    whole = berlin.read(made.valve())
+    hour = Window(start=whole.start, stop=whole.start + timedelta(hours=1))
+    made.same(whole, berlin.read(made.valve(), hour))
+
+
+@pytest.mark.parametrize("columns", ["reading, time", "time, time"])
+def test_what_is_no_sample_is_said_with_an_example(history_url: str, columns: str) -> None:
+    """The columns in another order, or a value that is a time."""
+    query = QUERY.replace("time, value, quality", columns.replace("reading", "value AS reading"))
+    if history_url.startswith("sqlite"):
+        query = query.replace("time FROM", "x'00ff' AS moment FROM")
+    archive = address(history_url, query=query.replace("SELECT time,", "SELECT time AS t,")).open()
+    with pytest.raises(ConnectorError, match=r"neither a number nor a text.*expected time, value"):
+        archive.read(made.valve())
+
+
+def test_a_list_of_tags_may_have_gaps(tmp_path: Path) -> None:
+    """A row without a name is no tag, and what is no count counts nothing."""
+    url = f"sqlite:///{tmp_path / 'tags.db'}"
+    engine = create_engine(url)
+    with engine.begin() as connection:
+        connection.execute(text("CREATE TABLE tags (tag, samples)"))
+        connection.execute(text("INSERT INTO tags VALUES ('A', 'many'), (NULL, 3), ('B', 7)"))
+    engine.dispose()
+    listed = address(url, tags_query="SELECT tag, samples FROM tags").open().tags()
+    assert [(info.tag, info.samples) for info in listed] == [("A", 0), ("B", 7)]
+
+
 def test_texts_are_compared_as_they_are_written(tmp_path: Path) -> None:
     """Texts with a T are not compared with bounds without one: rows would be lost in silence."""
     url = f"sqlite:///{tmp_path / 'iso.db'}"

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from unittest.mock import Mock
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from stemwatch.service.access import passwords
 from stemwatch.service.access.passwords import (
     SHORTEST,
     UNUSED_HASH,
@@ -15,6 +18,7 @@ from stemwatch.service.access.passwords import (
     matches,
     needs_rehash,
 )
+from stemwatch.service.web.auth.proxy_user import NO_PASSWORD
 from tests.service.access.conftest import PASSWORD
 
 
@@ -76,6 +80,10 @@ def test_the_hash_for_unknown_names_takes_as_long_as_a_real_one(hashed: str) -> 
     assert not matches(PASSWORD, None)
 
 
-def test_a_damaged_hash_lets_nobody_in() -> None:
-    """Without an error that would tell it from a wrong password."""
-    assert not matches(PASSWORD, "damaged")
+@pytest.mark.parametrize("stored", ["damaged", NO_PASSWORD, None])
+def test_who_has_no_password_cannot_be_told_from_a_wrong_one(stored, monkeypatch) -> None:
+    """Nobody is let in, without an error, and a hash is worked out all the same."""
+    hasher = Mock(wraps=passwords._HASHER)
+    monkeypatch.setattr(passwords, "_HASHER", hasher)
+    assert not matches(PASSWORD, stored)
+    hasher.verify.assert_called_once_with(passwords.UNUSED_HASH, PASSWORD)

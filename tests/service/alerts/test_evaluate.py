@@ -20,6 +20,7 @@ from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.alerts.silent_sources import watch_sources
 from stemwatch.service.config import Plant
 from stemwatch.service.presenter.advice import advice_for, first_step
+from stemwatch.service.store.administration.prune import RetentionDays, prune
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.samples.sources import SourceState
@@ -142,6 +143,34 @@ def test_many_that_leave_their_baselines_at_once_are_one_alert(store: Store, pla
     for hour in (2, 3, 4):
         run(store, plant, hour)
     assert open_alerts(store) == []
+
+
+def test_the_alert_of_an_area_ends_with_the_area(store: Store, plant: Plant) -> None:
+    """Renamed in the plant file, it would else stay open for ever."""
+    area = [f"V{n}" for n in range(8)]
+    for hour in (0, 1):
+        run(store, plant, hour, left=area)
+    valves = {
+        name: valve.model_copy(update={"area": "500"}) if valve.area == "100" else valve
+        for name, valve in plant.valves.items()
+    }
+    run(store, replace(plant, valves=valves), 2, left=area)
+    (alert,) = open_alerts(store)
+    assert "8 valves of area 500" in alert.text
+
+
+def test_no_message_is_lost_where_a_number_is_given_out_again(store: Store, plant: Plant) -> None:
+    """SQLite gives the number of a removed alert to the next; the first message still waits."""
+    for valve, hour in (("V1", 0), ("V2", 2)):
+        for later in (0, 1):
+            run(store, plant, hour + later, [valve])
+        (alert,) = open_alerts(store)
+        assert (alert.id, alert.valve) == (1, valve)
+        assert queue_messages(store, plant)
+        store.alerts.clear([alert.cause], "not found any more")
+        prune(store, RetentionDays(alerts_days=1), datetime.now(UTC) + timedelta(days=3))
+    about = [delivery.message["alerts"][0]["valve"] for delivery in store.deliveries.recent()]
+    assert about == ["V2", "V1"]
 
 
 def test_one_that_leaves_its_baseline_is_its_own_alert(store: Store, plant: Plant) -> None:

@@ -15,7 +15,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stemwatch.connectors.modbus.sample_batch import one_instant
 from stemwatch.service.collector import Collector, Spool, collect
+from stemwatch.service.collector.forwarder import Forwarder
 from stemwatch.service.collector.spool import backlog
 from tests.own_process import environment
 from tests.service.collector.running_collector import (
@@ -154,6 +156,23 @@ def test_samples_that_the_store_refuses_hold_up_nobody(tmp_path: Path) -> None:
     note, _, row = list(csv.reader(path.read_text("utf-8").splitlines()))
     assert "4.0 cannot be stored" in note[0]
     assert (row[1], float(row[3])) == ("N", 4.0)
+
+
+def test_refused_samples_of_several_devices_have_a_file_each(tmp_path: Path) -> None:
+    """They may have waited together; none takes the place of another."""
+    table = RealTable(tmp_path / "db")
+    table.refuses = 4.0
+    spool = Spool(tmp_path / "spool")
+    for at_us in (1, 2):
+        for device in ("one", "two"):
+            spool.append(one_instant(device, ["N"], at_us, np.array([4.0]), np.zeros(1), [""]))
+    forwarder = Forwarder(spool, table)
+    assert forwarder.once()
+    spool.close()
+    refused = [path.read_text("utf-8") for path in (tmp_path / "spool" / "refused").glob("*.csv")]
+    assert forwarder.state.refused == 4
+    rows = sorted(text.splitlines()[2].split(",")[0] for text in refused)
+    assert rows == ["one", "one", "two", "two"]
 
 
 def test_one_device_that_is_away_does_not_stop_the_other(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -293,6 +294,17 @@ k = 2
         ("v", 1, "deep", 1, "missing"): 19, ("nowhere",): None,
     }.items():  # fmt: skip
         assert line == lines.of(path), path
+
+
+def test_a_long_list_of_tables_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not once more for each of its lines: a register map has thousands."""
+    rows = "".join(f'  {{ tag = "T{n}", address = {n} }},\n' for n in range(300))
+    reading = Mock(wraps=tomllib.loads)
+    monkeypatch.setattr("tomllib.loads", reading)
+    lines = TomlLines(f"registers = [\n{rows}]\nlast = 1\n")
+    assert lines.of(("registers", 299, "tag")) is not None
+    assert lines.of(("last",)) == 303
+    assert reading.call_count < 10
 
 
 WORDS = st.sampled_from(["plant", "valves", "sources", "limits", "tags", "op", "tag", "id", "é"])

@@ -101,6 +101,8 @@ def test_devices_are_part_of_what_verdicts_depend_on(tmp_path: Path) -> None:
         ('[[schedules]]\nname = "s"\ncron = "5 o\'clock"', "five cron fields"),
         ('[[schedules]]\nname = "s"\ncron = "0 5 * * 8"', "day of week '8'"),
         ('[[schedules]]\nname = "s"\nevery_s = 1', "10 or more"),
+        ('[[schedules]]\nname = "s"\nevery_s = 1e13', "at most ten years"),
+        ('[[schedules]]\nname = "s"\nevery_s = 60\nwindow_s = 1e13', "at most ten years"),
         ('[[schedules]]\nname = "s"\nevery_s = 60\nareas = ["900"]', "unknown area '900'"),
         ('[[schedules]]\nname = "s"\nevery_s = 60\nunits = ["900"]', "unknown unit '900'"),
         ('[[schedules]]\nname = "s"\nevery_s = 60\nvalves = ["X"]', "unknown valve 'X'"),

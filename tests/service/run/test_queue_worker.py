@@ -20,6 +20,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.models.without_position.suspicion import Suspicion
 from stemwatch.service.config import Plant
 from stemwatch.service.report.charts.window_pictures import pack_pictures, window_pictures
+from stemwatch.service.run import queue_worker
 from stemwatch.service.run.queue_worker import UNKNOWN, QueueWorker
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import RunState
@@ -204,6 +205,34 @@ def test_killed_half_way_the_next_start_finishes(make_plant, plant_store: Store)
     assert dict(rows) == dict.fromkeys(plant.valves, 1)
     loaded = json.loads((Path(run.report) / "valves.json").read_text(encoding="utf-8"))
     assert all(valve in json.dumps(loaded) for valve in plant.valves)
+
+
+def test_a_run_that_the_database_always_refuses_fails_and_lets_others_begin(
+    make_plant, plant_store: Store, monkeypatch
+) -> None:
+    """Tried again some times while it does not get on, since such an error may pass; then it says
+    why, and the queue goes on."""
+    monkeypatch.setattr(queue_worker, "_MOST_TRIALS", 3)
+    plant = make_plant()
+    number = put(plant_store, valves=("GONE-1",))
+    with plant_store.transactions.writing("renaming a table") as session:
+        session.execute(text("ALTER TABLE alerts RENAME TO alerts_elsewhere"))
+    worker = QueueWorker(plant_store, plant)
+    got_on, *trials = [worker.once(threading.Event()) for _ in range(4)]
+    assert (got_on, trials) == (False, [False, False, True])
+    run = plant_store.run(number)
+    assert run.state is RunState.FAILED
+    assert "no such table" in run.reason
+    assert not worker.once(threading.Event())
+
+
+def test_reports_are_old_by_the_number_of_their_run(tmp_path: Path) -> None:
+    """Also from the millionth run on, whose name is longer; nothing else is touched."""
+    for name in ("run-000007", "run-999999", "run-1000000", "run-notes", "other"):
+        (tmp_path / name).mkdir()
+    queue_worker._remove_old(tmp_path, 2)
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"run-999999", "run-1000000", "run-notes", "other"}
 
 
 def _last(store: Store):

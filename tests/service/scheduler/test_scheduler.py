@@ -57,6 +57,19 @@ def test_a_run_has_the_window_before_its_instant(store: Store, scheduler: Schedu
     assert scheduler.look() == []
 
 
+def test_a_schedule_that_cannot_be_planned_keeps_no_other_from_running(
+    store: Store, scheduler: Scheduler, clock
+) -> None:
+    """An earlier version took a window that begins before the calendar does."""
+    store.schedules.set(ScreeningSchedule(name="all", cron="0 * * * *", window_s=1e12))
+    clock.shift(timedelta(hours=1, seconds=20))
+    with pytest.raises(OverflowError) as raised:
+        scheduler.look()
+    assert raised.value.__notes__ == ["schedule all"]
+    (run,) = store.queue.recent()
+    assert run.schedule == "hourly"
+
+
 def test_missed_instants_are_made_up_for_by_one_run(
     store: Store, scheduler: Scheduler, clock
 ) -> None:

@@ -197,7 +197,10 @@ def test_a_form_without_its_token_changes_nothing(live, client, path):
 
 @pytest.mark.parametrize(
     "headers",
-    [{"origin": "https://example.org"}, {"sec-fetch-site": "cross-site"}, {"origin": "null"}],
+    [
+        *({"origin": origin} for origin in ("https://example.org", "null", "http://[", "")),
+        {"sec-fetch-site": "cross-site"},
+    ],
 )
 def test_another_sites_page_can_send_nothing(live, client, headers):
     """Neither to the forms nor to the API, even with the right content type."""
@@ -231,6 +234,26 @@ def test_the_api_does_what_the_pages_do(live, client):
     assert client.post("/api/v1/valve/maintenance", params={"id": STICKY}, json=text).is_success
     done = live.store.maintenance(STICKY)[-1]
     assert (done.note, done.who) == ("renewed", f"s (through {ME})")
+
+
+@pytest.mark.parametrize(
+    ("path", "body"),
+    [
+        ("/api/v1/valve/note?id=FIC-101", {"text": "x", "at": "TIME"}),
+        ("/api/v1/valve/maintenance?id=FIC-101", {"text": "x", "at": "TIME"}),
+        ("/api/v1/valve/feedback?id=FIC-101", {"judgement": "right", "at": "TIME"}),
+        ("/api/v1/alert/snooze?id=ALERT", {"until": "TIME"}),
+    ],
+)
+@pytest.mark.parametrize("time", ["9999-12-31T23:59:59Z", "9999-12-31T23:59:59-05:00"])
+def test_a_time_that_no_page_could_show_is_refused(live, client, path, body, time):
+    """In the plant's own zone it may lie behind the end of the calendar."""
+    sent = {key: time if text == "TIME" else text for key, text in body.items()}
+    answer = client.post(path.replace("ALERT", str(alert_of(live).id)), json=sent)
+    assert answer.status_code == 409
+    assert "a time between 1970 and 2200 is expected" in answer.json()["detail"]
+    for page in (f"/valve?id={STICKY}", "/alerts?state=all"):
+        assert client.get(page).status_code == 200
 
 
 @pytest.mark.parametrize(

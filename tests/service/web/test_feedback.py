@@ -16,6 +16,7 @@ from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.cli import app
 from stemwatch.service.maintenance.labels import COLUMNS, labels_csv
+from stemwatch.service.report.csv_file import FORMULA_STARTS
 from stemwatch.service.store.accounts.audit import AuditFilter
 from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.errors import StoreError
@@ -105,6 +106,14 @@ def test_page_counts_shows_and_exports_what_was_found(
     assert "What was found" in client.get("/valve", params={"id": STICKY}).text
 
 
+@pytest.mark.parametrize("sign", FORMULA_STARTS)
+def test_no_label_is_a_formula_whatever_sign_it_begins_with(filled: Store, sign: str) -> None:
+    """As in the other tables; of the full-width signs too, which some spreadsheets take."""
+    filled.add_feedback(last(filled, STICKY), NOW, Judgement.RIGHT, f"{sign}1+1", "Ann")
+    (row,) = csv.DictReader(io.StringIO(labels_csv(filled.feedback()), newline=""))
+    assert not row["found"].startswith(sign)
+
+
 @pytest.mark.parametrize(
     ("number", "judgement", "status"),
     [("0", "right", 404), ("7777777", "right", 404), (None, "perhaps", 409)],
@@ -141,4 +150,4 @@ def test_command_counts_and_exports_the_same_labels(filled: Store, tmp_path) -> 
     result = CliRunner().invoke(app, requested, env={"COLUMNS": "250"})
     assert result.exit_code == 0, result.output
     assert "1 finding was judged: 1 right, 0 wrong, 0 partly right." in result.output
-    assert file.read_text(encoding="utf-8") == labels_csv(filled.feedback())
+    assert file.read_bytes().decode() == labels_csv(filled.feedback())

@@ -167,11 +167,28 @@ def test_a_file_that_is_cut_short_is_named(new_database: NewDatabase, tmp_path: 
         restore(half, target)
     with pytest.raises(StoreError, match="there is no such file"):
         restore(tmp_path / "none.zip", target)
+    with pytest.raises(StoreError, match="cannot be read: Is a directory"):
+        restore(tmp_path, target)
+
+
+@pytest.mark.parametrize(
+    "manifest", [None, "no JSON", "[1]", '{"form": 1}', '{"form": 1, "made": "", "tables": []}']
+)
+def test_another_zip_is_told_from_a_backup(tmp_path: Path, manifest: str | None) -> None:
+    """Also one with a manifest of its own."""
     other = tmp_path / "other.zip"
     with zipfile.ZipFile(other, "w") as into:
-        into.writestr("a.txt", "a")
+        into.writestr("a.txt" if manifest is None else "manifest.json", manifest or "")
     with pytest.raises(StoreError, match=r"no backup of stemwatch: it has no readable manifest"):
-        restore(other, target)
+        restore(other, DatabaseUrl("sqlite://"))
+
+
+def test_a_backup_that_has_no_place_is_named(new_database: NewDatabase, tmp_path: Path) -> None:
+    """Its folder cannot be made, because there is a file of that name."""
+    (tmp_path / "file").write_text("")
+    first = new_database("sqlite")
+    with database_at(first, "0013"), pytest.raises(StoreError, match="could not be written"):
+        backup(DatabaseUrl(first), tmp_path / "file" / "b.zip")
 
 
 def test_a_newer_backup_is_refused(new_database: NewDatabase, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.trend_over_weeks import trend_over_weeks
 from stemwatch.service.report.change_since_last_run import change_since_last_run
-from stemwatch.service.store.store import Store
+from stemwatch.service.store.store import Store, open_store
 from tests.service.report.conftest import screening
 
 BEGAN = datetime(2026, 1, 5, 6, 0, tzinfo=UTC)
@@ -64,6 +64,27 @@ def test_j_has_a_trend_of_its_own(store: Store) -> None:
     per_week = np.polyfit([0, 1, 3, 4, 5], [2.0, 1.6, 1.1, 0.8, 0.4], 1)[0]
     assert of_J.per_month == pytest.approx(per_week / 7.0 * 365.25 / 12.0)
     assert of_J.words.startswith(f"J −{-of_J.per_month:.2f} % a month (−")
+
+
+def test_a_day_is_one_of_utc_whatever_the_clock_of_the_database(
+    store: Store, store_url: str
+) -> None:
+    """The evening in Europe is the next day in Tokyo."""
+    means = []
+    for week, S in enumerate(RISING):
+        for hours, more in ((0, 0.0), (14, 0.4)):
+            result = of_week(week, S + more)
+            assert result.recording is not None
+            start = result.recording.start + timedelta(hours=hours)
+            moved = replace(result, recording=replace(result.recording, start=start))
+            store.save(moved, store.begin_run(software_version="1"))
+        means.append(S + 0.2)
+    is_sqlite = store_url.startswith("sqlite")
+    in_tokyo = store_url if is_sqlite else f"{store_url}&options=-c%20TimeZone%3DAsia/Tokyo"
+    with open_store(in_tokyo) as elsewhere:
+        trend = elsewhere.trends(["FIC-1"], Limits())["FIC-1"]
+    per_week = np.polyfit(range(4), means, 1)[0]
+    assert trend.per_month == pytest.approx(per_week / 7.0 * 365.25 / 12.0)
 
 
 def test_work_begins_a_new_trend(store: Store) -> None:

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import re
-from datetime import timedelta
+from datetime import datetime, timedelta
 from urllib.parse import parse_qs, urlsplit
 
 import httpx
 import pytest
+from starlette.datastructures import QueryParams
 
 from stemwatch.service.access.links import make_link
 from stemwatch.service.access.tokens import make_token
 from stemwatch.service.store.accounts.audit import AuditFilter
 from stemwatch.service.store.accounts.records import OneTimeLinkKind, Scope, UserRole
+from stemwatch.service.web.actions import Actions
 from stemwatch.service.web.app import create_app
 from stemwatch.service.web.auth.session_cookie import BROWSER_NAME, NAME, SECURE_NAME
+from stemwatch.service.web.dependencies import Dependencies
+from stemwatch.service.web.page_renderer import PageRenderer
+from stemwatch.service.web.pages.audit_page import wanted_of
 from stemwatch.service.web.pages.login_page import safe_place
 from stemwatch.service.web.site import Site
 from tests.service.example_user import make_user
@@ -132,6 +137,7 @@ def test_a_login_form_needs_its_own_token(stranger: Browser) -> None:
         ("/\\evil.example", "/"),
         ("javascript:alert(1)", "/"),
         ("/x\r\nset-cookie: a=b", "/"),
+        ("//[", "/"),
         ("alerts", "/"),
         ("", "/"),
     ],
@@ -323,6 +329,22 @@ def test_the_audit_page_filters_and_pages(admin: Browser, live: Site) -> None:
     assert "<b>Eve" not in page
     lines = admin.client.get("/api/v1/audit?limit=5").json()
     assert [line["who"] for line in lines] == [NAMES[UserRole.ADMIN]] * 5
+
+
+@pytest.mark.parametrize(
+    ("day", "end"),
+    [
+        ("2026-03-30", "2026-03-30T22:00:00+00:00"),
+        ("2026-10-25", "2026-10-25T23:00:00+00:00"),  # of 25 hours
+        ("9999-12-31", None),
+        ("no day", None),
+    ],
+)
+def test_the_last_day_of_the_audit_page_counts_whole(live: Site, day: str, end: str | None) -> None:
+    """By the plant's clock, also when it is put back; what is no day filters nothing."""
+    deps = Dependencies(site=live, renderer=PageRenderer(live), actions=Actions(live.store))
+    stop = wanted_of(QueryParams({"stop": day}), deps).stop
+    assert stop == (None if end is None else datetime.fromisoformat(end))
 
 
 def test_a_viewer_is_shown_no_button_that_would_be_refused(live: Site, client_of) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from starlette.datastructures import QueryParams
 
@@ -166,6 +166,7 @@ def test_an_address_says_all_of_what_is_wanted(
 
 
 @given(st.dictionaries(st.sampled_from(["q", "area", "verdict", "sort", "page"]), st.text()))
+@example({"page": "9" * 5000})
 def test_an_address_that_makes_no_sense_is_the_plain_ranking(fields):
     """Whatever stands in an address, something can be shown."""
     expected = wanted_of(QueryParams(list(fields.items())))
