@@ -44,15 +44,28 @@ class WorkCounts:
 
     @property
     def headline(self) -> str:
-        """How many valves need work: "4 of 15 valves need work"; or that nobody can say."""
+        """How many valves need work: "4 of 15 valves need work"; or that nobody can say. Of a
+        single valve: what it needs."""
+        if self.valves == 1:
+            return f"The valve {self._of_the_only_one}"
         if self.not_judged == self.valves:
             return f"None of {valves_counted(self.valves)} can be judged"
         needs = "needs" if self.needs_work <= 1 else "need"
         return f"{self.needs_work or 'None'} of {valves_counted(self.valves)} {needs} work"
 
     @property
+    def _of_the_only_one(self) -> str:
+        if self.not_judged:
+            return "cannot be judged"
+        if self.watch:
+            return "is to be watched"
+        return "needs work" if self.needs_work else "needs no work"
+
+    @property
     def rest(self) -> str:
         """The other valves, those that cannot be judged among them; empty where there are none."""
+        if self.valves == 1:
+            return "its work order says how to find out why" if self.orders else ""
         clauses = []
         if self.watch:
             clauses.append(f"{self.watch} to watch")

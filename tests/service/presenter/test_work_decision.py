@@ -217,5 +217,11 @@ def test_where_nothing_can_be_judged_nobody_is_told_that_all_is_well():
     """The number of valves without a verdict is in the sentence."""
     blind = sticky(verdict=Verdict.UNDETERMINED, reason="Cannot tell: too short.")
     counts = count_valves([("FV-1", k.decide(blind, stands=None))])
-    assert counts.sentence == "None of 1 valve can be judged."
+    assert counts.sentence == "The valve cannot be judged."
+    asked = replace(counts, orders=1)
+    assert asked.sentence == (
+        "The valve cannot be judged; its work order says how to find out why."
+    )
+    two = count_valves((valve, k.decide(blind, stands=None)) for valve in ("FV-1", "FV-2"))
+    assert two.sentence == "None of 2 valves can be judged."
     assert count_valves([]).sentence == "No valve was screened."

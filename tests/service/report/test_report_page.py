@@ -98,7 +98,8 @@ def test_valves_of_one_name_get_anchors_of_their_own(make_screening, make_contex
     [
         ([Verdict.STICKY, Verdict.STICKY, Verdict.HEALTHY], "2 of 3 valves need work"),
         ([Verdict.STICKY, Verdict.WATCH], "1 of 2 valves needs work"),
-        ([Verdict.HEALTHY], "None of 1 valve needs work"),
+        ([Verdict.HEALTHY], "The valve needs no work"),
+        ([Verdict.WATCH], "The valve is to be watched"),
     ],
 )
 def test_the_first_line_counts_the_work(verdicts, headline, make_screening, make_context):
