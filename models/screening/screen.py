@@ -21,6 +21,7 @@ from stemwatch.models.decision.decide import Decision, DecisionEvidence, decide,
 from stemwatch.models.decision.shaken_loose import (
     LIKE_A_SHAKEN_BAND,
     RESTS,
+    S_unseen,
     dead_bands_of,
     is_sure,
     may_be_shaken,
@@ -527,13 +528,14 @@ def _with_verdict(
         without_lag=_S_alone(fitted, fit) if fit.hypothesis == "both" else 0.0,
         rests=is_sure(fitted.dead_bands),
         shaken=_shaken(fitted, fit, mismatch),
+        S_unseen=_S_unseen(fitted, fit, S),
     )
     judgement = decide(evidence, limits)
     if not judgement.numbers_hold:
         S = J = Estimate.unknown(judgement.reason, unit=PERCENT)
     sticks = judgement.verdict is Verdict.STICKY
     may_be_S = evidence.may_stick_unseen(limits) and not sticks
-    mismatch = _as_shown(mismatch, S, J, may_be_S=may_be_S)
+    mismatch = _as_shown(mismatch, S, J, may_be_S=may_be_S, hidden=evidence.is_hidden(limits))
     numbers = [
         *indicators.of_recording(fitted.assessment.recording),
         *_movement(fitted, fit, events),
@@ -573,14 +575,23 @@ def _shaken(fitted: _Fitted, fit: StickSlipFit, mismatch: Mismatch | None) -> fl
     return _S_alone(fitted, fit) if may_be else 0.0
 
 
+def _S_unseen(fitted: _Fitted, fit: StickSlipFit, S: Estimate) -> float:
+    """The S that may be there, percent of OP, where noise of OP shakes the stem loose between
+    samples; 0 where not even S is known."""
+    slope = _op_per_travel(fitted)
+    return 0.0 if S.value is None else slope * S_unseen(fit, S.value / slope)
+
+
 def _as_shown(
-    mismatch: Mismatch | None, S: Estimate, J: Estimate, *, may_be_S: bool
+    mismatch: Mismatch | None, S: Estimate, J: Estimate, *, may_be_S: bool, hidden: bool
 ) -> Mismatch | None:
     """``mismatch`` with the one S and J of a valve and window, wherever they are shown, and without
-    the slow actuator that ``may_be_S``."""
+    the slow actuator that ``may_be_S``, or an S that noise of OP may have ``hidden``."""
     if mismatch is None:
         return None
     shown = _not_named(mismatch, SHAKEN_LOOSE) if may_be_S else mismatch
+    if hidden and any(effect.slug in LIKE_A_SHAKEN_BAND for effect in shown.effects):
+        shown = _not_named(shown, SHAKEN_LOOSE)
     return replace(shown, restated=Stiction(S=S, J=J))
 
 
