@@ -72,6 +72,10 @@ NOT_THAT_SLOW = (
     "The stem does not stick, but it is slow: unless it was always so, check the air supply, its "
     "tubing and filter, the positioner's output, and the actuator for leaks."
 )
+QUIET_OP = (
+    "Set the loop to manual, so that OP rests, and step it by 1 % and then by 5 %, each step held "
+    "until the stem rests: a good stem follows both, a sticking one only the larger."
+)
 MORE = " (and {} more, see data quality)"  # obstacles that the sentence does not name
 
 
@@ -112,10 +116,20 @@ class DecisionEvidence:
     # percent: S of friction alone, where OP may shake it loose between its samples so that it looks
     # like the slow actuator that was found; else 0
     shaken: float = 0.0
+    S_unseen: float = 0.0  # percent: S that may be there, where noise of OP may shake it loose
 
     def may_stick_unseen(self, limits: Limits) -> bool:
         """Whether the slow actuator that was found may be a stem that sticks after all."""
         return self.shaken >= limits.sticky_S_percent
+
+    def is_hidden(self, limits: Limits) -> bool:
+        """Whether noise of OP may hide a sticking stem behind the S that is seen."""
+        S = self.S.value
+        return (
+            S is not None
+            and S < limits.watch_S_percent
+            and (self.S_unseen >= limits.sticky_S_percent)
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -428,6 +442,8 @@ def _moved_otherwise(evidence: DecisionEvidence, limits: Limits) -> Decision | N
         return _hunts(evidence.swings, evidence.unit_s)
     if evidence.pulses is not None:
         return _pulses(evidence.pulses)
+    if evidence.is_hidden(limits):
+        return _hidden_by_noise(evidence)
     if _lag_hides_friction(evidence, limits):
         assert evidence.following is not None
         return _cannot_tell(
@@ -453,6 +469,18 @@ def _shaken_loose(evidence: DecisionEvidence) -> Decision:
         "archive would look the same",
         f"{SLOW_OR_STICKING} {FASTER}",
         NoVerdict.SLOW_ACTUATOR,
+        numbers_hold=False,
+    )
+
+
+def _hidden_by_noise(evidence: DecisionEvidence) -> Decision:
+    """No verdict where noise of OP hides a dead band from the archive."""
+    return _cannot_tell(
+        f"the archive shows an S of {_percent(evidence.S.value)}, but OP moves to and fro between "
+        f"its samples, and a stem with an S of {_percent(evidence.S_unseen)} that this shakes "
+        "loose would look the same",
+        f"{QUIET_OP} {FASTER}",
+        NoVerdict.SLOW_SAMPLING,
         numbers_hold=False,
     )
 

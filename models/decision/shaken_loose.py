@@ -10,6 +10,16 @@ far more often friction.
   actuator that slow is fitted or named.
 - Where it shows none, and OP moves enough from sample to sample to shake the stem loose, neither
   can be told from the other.
+- Where nothing slow is seen either, and the stem does not follow OP's own noise, a sticking stem
+  that is shaken loose looks healthy. In a sample of n scans white noise of standard deviation s
+  spans ``w s`` from its lowest to its highest value, w being the expected range of n standard
+  normal values. It takes the stem to within half a dead band of either end, so that the band that
+  is left to be seen is smaller than that of the valve by ``w s``:
+
+      S that may be there = S that is seen + w s,  w = 2 Phi^-1((n - 3/8) / (n + 1/4))
+
+  (Blom 1958). What of OP's noise the stem follows shakes nothing loose: ``s^2 = var OP - cov(OP,
+  MV)``, of second differences.
 """
 
 from __future__ import annotations
@@ -18,9 +28,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import ndtri
 
 from stemwatch.models.mismatch.findings import Mismatch
-from stemwatch.models.recording import Floats
+from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.signals.dead_band import DeadBand, find_dead_bands
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.fit import StickSlipFit
@@ -35,6 +46,7 @@ SLOWER_THAN_BUILT = 1.0  # %/s; a full stroke in 100 s
 WIDE, SURE_T, MOSTLY = 1.5, 2.5, 3.0
 # A band that leaves doubt.
 PERHAPS_T = 2.0
+SCAN_S = 1.0  # from one output of a controller to the next, as usual
 # Standard deviations that hundreds of scans reach from end to end, and the share of S that noise
 # must reach to shake the stem loose again and again.
 REACH, OF_S = 6.0, 0.5
@@ -97,6 +109,17 @@ def may_be_shaken(
     return perhaps or REACH * _scatter(fit.evaluator.problem.op) >= OF_S * S_alone
 
 
+def S_unseen(fit: StickSlipFit, S: float) -> float:
+    """The S that a stem may have which looks like one of ``S``, percent of travel, because noise
+    of OP shakes it loose between two samples of a slow archive; ``S`` itself in a quick one."""
+    problem = fit.evaluator.problem
+    scans = _interval_s(fit) / SCAN_S
+    if _interval_s(fit) < SLOW_ARCHIVE_S or not problem.mv_is_percent:
+        return S
+    span = 2.0 * float(ndtri((scans - 0.375) / (scans + 0.25)))
+    return S + span * _not_followed(problem.op, problem.mv, problem.scored)
+
+
 def _slowest_s(fit: StickSlipFit) -> float:
     """The longer lag that was fitted beside friction, true seconds; 0 where none was."""
     if fit.hypothesis != "both":
@@ -124,8 +147,21 @@ def _slow_named(found: Mismatch | None) -> bool:
     )
 
 
-def _scatter(op: Floats) -> float:
-    """Standard deviation by which OP moves to and fro from sample to sample, percent: that of its
-    second differences, by their median."""
-    changes = np.diff(op, 2)
+def _scatter(values: Floats, usable: Bools | None = None) -> float:
+    """Standard deviation by which values (n,) move to and fro from sample to sample: that of their
+    second differences, by their median. Those that are not all ``usable`` are left out."""
+    changes = np.diff(values, 2)
+    if usable is not None:
+        changes = changes[usable[2:] & usable[1:-1] & usable[:-2]]
+    if not changes.size:
+        return 0.0
     return 1.4826 * float(np.median(np.abs(changes))) / float(np.sqrt(6.0))
+
+
+def _not_followed(op: Floats, mv: Floats, usable: Bools) -> float:
+    """Standard deviation of the noise of OP that the stem does not follow from sample to sample,
+    percent. It is no larger than the scatter of OP itself, nor than that of OP - MV, to which the
+    transmitter adds."""
+    of_op, apart, both = (_scatter(values, usable) for values in (op, op - mv, op + mv))
+    together = (both**2 - apart**2) / 4.0  # covariance
+    return min(of_op, apart, float(np.sqrt(max(of_op**2 - together, 0.0))))

@@ -10,7 +10,7 @@ from stemwatch.models.decision import residual
 from stemwatch.models.decision.beside_friction import actuator_takes_s, beside_friction
 from stemwatch.models.decision.decide import DecisionEvidence
 from stemwatch.models.decision.residual import BaselineComparison
-from stemwatch.models.decision.shaken_loose import is_sure, may_be_shaken
+from stemwatch.models.decision.shaken_loose import S_unseen, is_sure, may_be_shaken
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.mismatch.terms import catalogue
@@ -67,6 +67,7 @@ def evidence_of(
         without_lag=fitted.S_alone if fit.hypothesis == "both" else 0.0,
         rests=is_sure(fitted.dead_bands),
         shaken=_shaken(fitted, mismatch),
+        S_unseen=_S_unseen(fitted, S),
     )
 
 
@@ -101,3 +102,10 @@ def _shaken(fitted: FittedRecording, mismatch: Mismatch | None) -> float:
     fit = fitted.fit
     may_be = may_be_shaken(fit, mismatch, fitted.dead_bands, S_and_J(fit.naive)[0])
     return fitted.S_alone if may_be else 0.0
+
+
+def _S_unseen(fitted: FittedRecording, S: Estimate) -> float:
+    """The S that may be there, percent of OP, where noise of OP shakes the stem loose between
+    samples; 0 where not even S is known."""
+    slope = fitted.op_per_travel
+    return 0.0 if S.value is None else slope * S_unseen(fitted.fit, S.value / slope)

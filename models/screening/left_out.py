@@ -54,12 +54,20 @@ def explained(
 
 
 def as_shown(
-    mismatch: Mismatch, fitted: FittedRecording, S: Estimate, J: Estimate, *, may_be_S: bool
+    mismatch: Mismatch,
+    fitted: FittedRecording,
+    S: Estimate,
+    J: Estimate,
+    *,
+    may_be_S: bool,
+    hidden: bool,
 ) -> Mismatch:
     """``mismatch`` with the one S and J of a valve and window, wherever they are shown, with its
     free runs on the clock of the whole recording, and without the slow actuator that
-    ``may_be_S``."""
+    ``may_be_S``, or an S that noise of OP may have ``hidden``."""
     shown = _not_named(mismatch, SHAKEN_LOOSE) if may_be_S else mismatch
+    if hidden and any(effect.slug in LIKE_A_SHAKEN_BAND for effect in shown.effects):
+        shown = _not_named(shown, SHAKEN_LOOSE)
     if shown.runs is not None and fitted.stretch is not None:
         runs = shown.runs.within(fitted.stretch.first, len(fitted.whole))
         shown = replace(shown, runs=runs)

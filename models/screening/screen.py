@@ -193,8 +193,14 @@ def _with_verdict(
         S = J = Estimate.unknown(judgement.reason, unit=PERCENT)
     sticks = judgement.verdict is Verdict.STICKY
     if mismatch is not None:
-        may_be_S = evidence.may_stick_unseen(limits) and not sticks
-        mismatch = as_shown(mismatch, fitted, S, J, may_be_S=may_be_S)
+        mismatch = as_shown(
+            mismatch,
+            fitted,
+            S,
+            J,
+            may_be_S=evidence.may_stick_unseen(limits) and not sticks,
+            hidden=evidence.is_hidden(limits),
+        )
     residuals = {
         "stiction": residual.of_stiction(fitted.fit, resynced=False),
         "narx": narx,

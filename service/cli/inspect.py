@@ -192,11 +192,13 @@ def _curves_in(source: HistorianFile) -> dict[str, str]:
     from stemwatch.models.preparation.own_clock import on_own_clock  # with what is compiled
     from stemwatch.models.record_checks.quality import assess
     from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
+    from stemwatch.models.stickslip.stored_range import in_percent
 
     curves = {}
     for valve in measured:
         try:
-            assessment = assess(on_own_clock(source.read(valve)), Limits())
+            # A position in mA is no curve; a screening reads it in percent as well.
+            assessment = assess(on_own_clock(in_percent(source.read(valve))), Limits())
         except ConnectorError:
             continue  # screening the valve says why
         curve = None if assessment.obstacles else find_stroke_curve(assessment.recording)

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stemwatch.models.recording import Floats
 from stemwatch.service.config import load_plant
 from stemwatch.service.run.plan import Request, make_plan
 from tests.connectors.pi.loopback_server import ARCHIVE, Served, serving
-from tests.models.stickslip.test_stroke_curve import stored
+from tests.models.stickslip.test_stroke_curve import plain, stored
 
 
 def proposal(text: str) -> str:
@@ -86,16 +87,40 @@ def test_the_proposed_mapping_loads_and_screens(
     assert ("FIC-104", "sticky") == (valve["valve"], valve["verdict"])
 
 
+def exported(path: Path, op: Floats, mv: Floats, units: str = "") -> Path:
+    """An export of OP and position, a row each second, with a row of ``units`` where given."""
+    start = datetime(2026, 3, 2, 6, tzinfo=UTC)
+    lines = ["Time,FIC-104.OP,FIC-104.ZT", *([units] if units else [])]
+    for second, row in enumerate(zip(op, mv, strict=True)):
+        time = (start + timedelta(seconds=second)).isoformat()
+        lines.append(",".join([time, *(f"{value:.3f}" for value in row)]))
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
 def split_range(folder: Path) -> Path:
     """An export of a valve that the upper half of OP strokes, and that sticks."""
     recording = stored("upper half of a split range", 5.0, 1.5)
-    start = datetime(2026, 3, 2, 6, tzinfo=UTC)
-    lines = ["Time,FIC-104.OP,FIC-104.ZT", ",%,%"]
-    for second, (op, mv) in enumerate(zip(recording.op.values, recording.mv.values, strict=True)):
-        lines.append(f"{(start + timedelta(seconds=second)).isoformat()},{op:.3f},{mv:.3f}")
-    path = folder / "split.csv"
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
+    assert recording.mv is not None
+    return exported(folder / "split.csv", recording.op.values, recording.mv.values, ",%,%")
+
+
+def test_a_position_in_mA_is_not_proposed_as_a_curve(stemwatch, tmp_path: Path) -> None:
+    """Without a unit in the file it was, and then the range that the report asks for did not help.
+    What is proposed screens as it is."""
+    recording = plain(5.0, 1.5)
+    assert recording.mv is not None
+    file = exported(tmp_path / "mA.csv", recording.op.values, 4.0 + 0.16 * recording.mv.values)
+    plant, results = tmp_path / "plant.toml", tmp_path / "found.json"
+    assert stemwatch("inspect", file, "--write", plant).status == 0
+    assert "stroke_curve" not in plant.read_text(encoding="utf-8")
+    screened = stemwatch(
+        "screen", "--plant", plant, "--out", tmp_path / "out", "--json", results, "--workers", 1
+    )
+    assert screened.status == 0, screened.said
+    (valve,) = json.loads(results.read_text(encoding="utf-8"))
+    assert valve["verdict"] == "sticky"
+    assert "4 to 20 mA" in " ".join(valve["provenance"]["decisions"])
 
 
 def test_a_curve_from_op_to_stroke_is_proposed_and_used(stemwatch, tmp_path: Path) -> None:

@@ -187,6 +187,9 @@ class Archive:
             levels = self.levels
             S_of_slips = _of_slips(S, levels.S, levels.S_error)
             J_of_slips = _of_slips(J, levels.J, levels.J_error)
+            if levels.may_slide:  # no jump at all leaves twice the sliding level, S - J
+                lowest = max(levels.S - levels.J - 1.96 * levels.S_error, 0.0)
+                S_of_slips = replace(S_of_slips, low=lowest)
             if self.doubted:
                 return S.holding(S_of_slips), J.holding(J_of_slips)
             return S_of_slips, replace(J_of_slips, low=0.0) if levels.may_slide else J_of_slips

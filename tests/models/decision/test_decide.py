@@ -316,6 +316,17 @@ def test_friction_that_looks_like_a_slow_actuator_is_neither_healthy_nor_watch()
     assert decide(evidence(5.0, 0.1, shaken=5.0), LIMITS).verdict is Verdict.STICKY
 
 
+def test_a_small_S_is_no_proof_of_health_where_noise_of_OP_hides_a_large_one():
+    """Friction that is seen is told all the same."""
+    decision = decide(evidence(0.1, 0.1, S_unseen=2.0), LIMITS)
+    assert decision.no_verdict is NoVerdict.SLOW_SAMPLING
+    assert not decision.numbers_hold
+    assert "S of 2.0 %" in decision.reason
+    assert decide(evidence(0.1, 0.1, S_unseen=1.4), LIMITS).verdict is Verdict.HEALTHY
+    assert decide(evidence(1.0, 0.1, S_unseen=2.0), LIMITS).verdict is Verdict.WATCH
+    assert decide(evidence(5.0, S_unseen=7.0), LIMITS).verdict is Verdict.STICKY
+
+
 def test_a_stem_that_rests_in_a_dead_band_has_friction():
     """A dead band that the archive shows decides where a slow actuator fits as well."""
     assert decide(evidence(5.0, **NO_FRICTION), LIMITS).verdict is Verdict.UNDETERMINED

@@ -9,6 +9,7 @@ import pytest
 
 import stemwatch
 from stemwatch.models.decision.shaken_loose import (
+    S_unseen,
     dead_bands_of,
     is_sure,
     may_be_shaken,
@@ -19,7 +20,7 @@ from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.models.signals.dead_band import DeadBand
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
-from stemwatch.models.verdict import NoVerdict
+from stemwatch.models.verdict import NoVerdict, Verdict
 
 EVERY = 10  # seconds that the archive keeps a sample of
 SURE = DeadBand(percent=2.0, gain=0.6, inside=0.1, t=5.0)
@@ -112,3 +113,63 @@ def test_a_quick_archive_is_left_to_the_fits(fit):
     assert dead_bands_of(fit)
     assert dead_bands_of(quick) == ()
     assert not may_be_shaken(quick, None, (SURE,), 5.0)
+
+
+def kept(S: float, noise: float, every: int) -> Recording:
+    """A stem with this ``S`` that jumps nowhere, a second late, behind a controller's ``noise`` of
+    OP, percent, of which the archive keeps a sample ``every`` so many seconds for eight hours."""
+    rng = np.random.default_rng(4091)
+    scans = 8 * 3600
+    moves = np.repeat(rng.uniform(-6.0, 6.0, scans // 600), 600)
+    slow = np.convolve(moves, np.ones(300) / 300.0, "same")
+    op = 50.0 + slow + noise * rng.standard_normal(scans)
+    stem, mv = op[0], np.empty_like(op)
+    for k in range(1, scans):
+        mv[k - 1] = stem
+        stem = min(max(stem, op[k - 1] - 0.5 * S), op[k - 1] + 0.5 * S)
+    mv[-1] = stem
+    mv += 0.05 * rng.standard_normal(scans)
+    return stemwatch.read(op=op[::every], mv=mv[::every], interval_s=float(every), valve="FIC-2")
+
+
+@pytest.mark.parametrize(
+    ("S", "noise", "verdict"),
+    [
+        (2.0, 0.6, Verdict.UNDETERMINED),  # was healthy at a confidence of 0.99
+        (0.1, 0.05, Verdict.HEALTHY),
+        (2.0, 0.05, Verdict.STICKY),
+    ],
+)
+def test_a_band_that_noise_of_OP_hides_is_not_called_healthy(S, noise, verdict):
+    """A sample every 30 s, noise at each scan."""
+    (found,) = screen([Case(recording=kept(S, noise, 30))], Options(narx=False))
+    assert found.verdict is verdict
+    if verdict is Verdict.UNDETERMINED:
+        assert found.no_verdict is NoVerdict.SLOW_SAMPLING
+        assert found.S.value is None
+        assert "to manual" in found.advice
+
+
+def test_what_may_be_hidden_grows_with_the_noise_that_the_stem_does_not_follow():
+    """White noise of s spans 4.1 s in the thirty scans of a sample (Blom): so much is added to S.
+    The position is kept before it answers the last scan, so that s is that of OP."""
+    for noise in (0.0, 0.3, 0.6):
+        fit = fit_stickslip(kept(0.1, noise, 30))
+        assert S_unseen(fit, 0.5) - 0.5 == pytest.approx(4.1 * noise, rel=0.15, abs=0.15)
+
+
+def test_noise_that_the_stem_follows_hides_nothing():
+    """OP that moves as much, but slowly enough for the stem, takes a dead band along."""
+    rng = np.random.default_rng(4092)
+    op = 50.0 + np.cumsum(rng.standard_normal(1000)) * 0.6
+    mv = op + 0.05 * rng.standard_normal(op.size)
+    fit = fit_stickslip(stemwatch.read(op=op, mv=mv, interval_s=30.0, valve="FIC-3"))
+    assert S_unseen(fit, 0.2) < 0.5
+
+
+def test_a_quick_archive_hides_no_band(fit):
+    """With a sample every second the fits see each scan."""
+    problem = replace(fit.evaluator.problem, unit_s=1.0, interval_s=1.0)
+    quick = replace(fit, evaluator=replace(fit.evaluator, problem=problem))
+    assert S_unseen(fit, 0.2) > 1.5
+    assert S_unseen(quick, 0.2) == 0.2

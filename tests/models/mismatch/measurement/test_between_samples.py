@@ -295,12 +295,15 @@ def levels_of_slips(bounds: float) -> SlipLevels:
 
 
 def test_a_jump_smaller_than_op_goes_in_a_sample_may_be_none() -> None:
-    """A stem that slides on with its command is seen at the same places."""
+    """A stem that slides on with its command is seen at the same places. Its S is then twice the
+    sliding level of 1.8 %, and not the sum of both levels, 4.8 %."""
     fitted = Estimate(value=4.0, low=3.7, high=4.3, unit=PERCENT)
     for bounds, may_be_none in ((0.5, False), (1.3, True)):
         archive = Archive(ArchiveKind.SNAPSHOTS, 5.0, 0.0, 5.0, levels=levels_of_slips(bounds))
-        _, J = archive.restored(fitted, fitted, 0.0)
+        S, J = archive.restored(fitted, fitted, 0.0)
         assert (J.low == 0.0) == may_be_none
+        assert (S.low < 3.6) == may_be_none
+        assert S.value == pytest.approx(4.8)
 
 
 def test_an_interval_that_ended_at_zero_is_no_surer_below_when_it_is_moved() -> None:
