@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 
 from stemwatch.models.mismatch.explain import explain
+from stemwatch.models.mismatch.fit.base_coordinate import RESTICK
+from stemwatch.models.mismatch.fit.base_fit import RESTICK_REACH
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import scored
-from stemwatch.models.mismatch.likelihood.maximum_likelihood import LEAST_GAIN
-from stemwatch.models.mismatch.search.reading_errors import STICKS_AGAIN
+from stemwatch.models.mismatch.likelihood.maximum_likelihood import LEAST_GAIN, RecordLikelihood
+from stemwatch.models.mismatch.search.named_by_likelihood import points_at
+from stemwatch.models.mismatch.search.reading_errors import LEAST_RESTICK, STICKS_AGAIN
 from stemwatch.models.mismatch.search.sticking_by_likelihood import sticking_by_likelihood
 from stemwatch.models.mismatch.search.term_selection import Named
 from stemwatch.models.studies.simulator.hidden import draw_effect, draw_hidden
@@ -46,6 +49,22 @@ def test_both_are_named() -> None:
     assert abs(mismatch.restated.S.value - run.truth.S) < abs(mismatch.naive.S.value - run.truth.S)
 
 
+@pytest.mark.long
+@pytest.mark.parametrize(("place", "kind"), [(14, "routine"), (189, "compressed"), (323, "noisy")])
+def test_named_by_a_speed_that_trajectories_do_not_take_back(place, kind) -> None:
+    """Trajectories, which cannot follow the short slips, would make the speed too small to be
+    named; begun from too few starts, or at higher limits, two of them are not found."""
+    case = draw_hidden(place + 1, 4090)[place]
+    run = case.simulated()
+    mismatch = explain(run.recording)
+    assert "low_speed_restick" in case.hidden
+    assert case.concealment == kind
+    names = {member for effect in mismatch.effects for member in effect.members}
+    assert set(case.hidden) <= names
+    assert abs(mismatch.restated.S.value - run.truth.S) < 0.15
+    assert abs(mismatch.restated.J.value - run.truth.J) < 0.25
+
+
 def named_without(recording, S, J):
     """Nothing but S and J on both folds."""
     evaluator = evaluator_of(recording)
@@ -53,6 +72,23 @@ def named_without(recording, S, J):
     row = candidate(layout, S, J)
     fitted = conclude(evaluator, scored(layout, np.vstack((row, row))))
     return Named(evaluator, fitted, fitted, (), ())
+
+
+def test_the_speed_is_held_where_the_record_is_about_as_likely() -> None:
+    """All of the range of the speed is as likely as the most likely speed, which lies in it, and
+    a stem that slides on is outside."""
+    recording = simulated_by_chain(S=4.0, J=1.2, noise=0.1, base={RESTICK: 0.8})
+    named = sticking_by_likelihood(named_without(recording, 4.0, 1.2))
+    assert named.sticks_again is not None
+    bounds = named.fitted.layout.bounds
+    low, high = bounds.low[RESTICK], bounds.high[RESTICK]
+    assert LEAST_RESTICK <= low <= named.fitted.candidates[0][RESTICK] <= high <= RESTICK_REACH
+    likelihood = RecordLikelihood(named.evaluator)
+    most = likelihood.maximised(
+        named.fitted.layout, points_at(named.fitted, likelihood.first_of_record)
+    )
+    assert low < most.candidate[RESTICK] < high
+    assert high < 2.0
 
 
 @pytest.mark.parametrize("noise", [0.05, 0.3])
