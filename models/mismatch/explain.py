@@ -81,6 +81,7 @@ from stemwatch.models.mismatch.prepared_recording import (
     why_not,
 )
 from stemwatch.models.mismatch.refined_curve import refined
+from stemwatch.models.mismatch.search.force_balance import force_balance
 from stemwatch.models.mismatch.search.reading_errors import STICKS_AGAIN
 from stemwatch.models.mismatch.search.tried_effects import scores_of, what_was_tried
 from stemwatch.models.mismatch.stiction import (
@@ -148,7 +149,9 @@ def explain(
     # A frozen reading is no stem: neither curve nor clock is sought in it, and no fit runs through.
     recording = without_frozen(recording, measured.frozen)
     recording, measured = _stilled(recording, measured)
-    late_s = find_op_late(recording) if late_s is None else late_s
+    if late_s is None:
+        late_s = find_op_late(recording)
+        late_s = 0.0 if late_s and _is_drive(recording, measured) else late_s
     if late_s:
         recording = brought_forward(recording, late_s)
         effects = (late_effect(late_s, recording.unit_s), *measured.effects)
@@ -157,7 +160,8 @@ def explain(
     if resolved is not None:
         recording, measured = resolved.recording, with_steps_resolved(measured, resolved)
     if curve is None and look_for_curve:
-        curve = refined(recording, find_stroke_curve(recording))
+        found = refined(recording, find_stroke_curve(recording))
+        curve = None if found is not None and _is_drive(recording, measured) else found
     if recording.mv is not None and recording.mv.unit != PERCENT:
         mismatch = _through_flow(recording)
     elif curve is not None:
@@ -168,6 +172,17 @@ def explain(
         mismatch = _explained(recording, measured, ceiling, refused=refused)
     question = on_site(mismatch.open_question, recording, mismatch.stroke_curve)
     return replace(mismatch, open_question=question, seconds=time.perf_counter() - started)
+
+
+def _is_drive(recording: Recording, measured: MeasuredRecord) -> bool:
+    """Whether the motion is in balance with OP as it was stored, as that of a motor is.
+
+    Where its voltage meets the limit, or a load pulls, it seems to have got OP late, or through a
+    curve.
+    """
+    if why_not(recording, measured) is not None:
+        return False
+    return force_balance(problem_of(recording, measured)) is not None
 
 
 def _explained_at(
@@ -225,6 +240,8 @@ def _explained(
         return _not_testable(measured, reason)
     problem = replace(problem_of(recording, measured), unsure_degree=unsure_degree)
     case = prepare(recording, measured, ceiling, problem, own_reading=own_reading)
+    if case.untold:
+        return _not_testable(measured, case.untold)
     return _mismatch_of(replace(case, refused={**case.refused, **refused}))
 
 

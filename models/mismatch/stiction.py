@@ -142,9 +142,12 @@ def jump_within_a_step(problem: FitProblem, told: Stiction) -> bool:
 
 def of_balance(balance: ForceBalance, fitted: Stiction) -> Stiction:
     """S from the force balance, which uses every moving sample; J as it was ``fitted``."""
-    error = max(MODEL_ERROR * balance.S, LEAST_ERROR)
-    S = estimate(balance.S_replicates, balance.S, PERCENT, float(error))
-    return replace(fitted, S=_positive(S))
+    error = max(MODEL_ERROR * balance.S, LEAST_ERROR, balance.least_error)
+    S = _positive(estimate(balance.S_replicates, balance.S, PERCENT, float(error)))
+    if balance.rival_S is not None:
+        rival = np.full(REPLICATES, balance.rival_S)
+        S = S.holding(_positive(estimate(rival, balance.rival_S, PERCENT, float(error))))
+    return replace(fitted, S=S)
 
 
 def _positive(estimate: Estimate) -> Estimate:
