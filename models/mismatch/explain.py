@@ -81,7 +81,6 @@ from stemwatch.models.mismatch.prepared_recording import (
     why_not,
 )
 from stemwatch.models.mismatch.refined_curve import refined
-from stemwatch.models.mismatch.search.force_balance import force_balance
 from stemwatch.models.mismatch.search.reading_errors import STICKS_AGAIN
 from stemwatch.models.mismatch.search.tried_effects import scores_of, what_was_tried
 from stemwatch.models.mismatch.stiction import (
@@ -101,7 +100,9 @@ from stemwatch.models.signals.percent import without_impossible_values
 from stemwatch.models.stickslip.breakaways import LATE
 from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
 from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
+from stemwatch.models.stickslip.force_balance import NOT_AS_A_WHOLE, moves_as_a_motor
 from stemwatch.models.stickslip.op_within_steps import op_within_steps
+from stemwatch.models.stickslip.problem import make_problem
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
 
 # Curved errors over travel, the same both ways: of a curve from OP to stroke that was found in a
@@ -151,7 +152,8 @@ def explain(
     recording, measured = _stilled(recording, measured)
     if late_s is None:
         late_s = find_op_late(recording)
-        late_s = 0.0 if late_s and _is_drive(recording, measured) else late_s
+        if late_s and moves_as_a_motor(make_problem(recording)):
+            late_s = 0.0
     if late_s:
         recording = brought_forward(recording, late_s)
         effects = (late_effect(late_s, recording.unit_s), *measured.effects)
@@ -160,8 +162,7 @@ def explain(
     if resolved is not None:
         recording, measured = resolved.recording, with_steps_resolved(measured, resolved)
     if curve is None and look_for_curve:
-        found = refined(recording, find_stroke_curve(recording))
-        curve = None if found is not None and _is_drive(recording, measured) else found
+        curve = refined(recording, find_stroke_curve(recording))
     if recording.mv is not None and recording.mv.unit != PERCENT:
         mismatch = _through_flow(recording)
     elif curve is not None:
@@ -172,17 +173,6 @@ def explain(
         mismatch = _explained(recording, measured, ceiling, refused=refused)
     question = on_site(mismatch.open_question, recording, mismatch.stroke_curve)
     return replace(mismatch, open_question=question, seconds=time.perf_counter() - started)
-
-
-def _is_drive(recording: Recording, measured: MeasuredRecord) -> bool:
-    """Whether the motion is in balance with OP as it was stored, as that of a motor is.
-
-    Where its voltage meets the limit, or a load pulls, it seems to have got OP late, or through a
-    curve.
-    """
-    if why_not(recording, measured) is not None:
-        return False
-    return force_balance(problem_of(recording, measured)) is not None
 
 
 def _explained_at(
@@ -326,6 +316,9 @@ def _through_flow(recording: Recording) -> Mismatch:
 def _mismatch_of(case: PreparedRecording) -> Mismatch:
     """What the accepted hypothesis says of a recording, beside S and J alone."""
     hypothesis = checked(accepted_hypothesis(case))
+    is_drive = case.balance is not None and case.balance.is_quick
+    if is_drive and DRIVE not in hypothesis.layout.places:
+        return _not_testable(case.measured, NOT_AS_A_WHOLE)
     evaluator, comparison = hypothesis.evaluator, hypothesis.comparison
     naive_only = naive_evaluator(evaluator)
     naive = conclude(

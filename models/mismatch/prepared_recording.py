@@ -20,12 +20,12 @@ from stemwatch.models.mismatch.measurement.record_effects import MeasuredRecord
 from stemwatch.models.mismatch.search.breakaway_levels import DWELL, LEAST_SIZE
 from stemwatch.models.mismatch.search.drive import NOT_RESOLVED
 from stemwatch.models.mismatch.search.drive import TERMS as OF_A_DRIVE
-from stemwatch.models.mismatch.search.force_balance import ForceBalance, force_balance
 from stemwatch.models.mismatch.search.reading_errors import STICKS_AGAIN
 from stemwatch.models.mismatch.term import RecordingSummary, Term
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.signals.forensics import quiet_sigma
+from stemwatch.models.stickslip.force_balance import ForceBalance, force_balance
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
 
 FEWEST_SAMPLES = 60

@@ -19,12 +19,12 @@ from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.crossfit import Fitted, gain
 from stemwatch.models.mismatch.fit.evaluator import Evaluator
 from stemwatch.models.mismatch.fit.uncertainty import estimate
-from stemwatch.models.mismatch.search.force_balance import ForceBalance
 from stemwatch.models.mismatch.search.reading_errors import without_error
 from stemwatch.models.mismatch.stem_model.delay import delayed
 from stemwatch.models.recording import PERCENT, Floats
 from stemwatch.models.signals.op_in_steps import set_in_steps
 from stemwatch.models.stickslip.breakaways import LEAST_J, Breakaways, breakaways
+from stemwatch.models.stickslip.force_balance import ForceBalance
 from stemwatch.models.stickslip.interval import (
     REPLICATES,
     way_in_a_sample,

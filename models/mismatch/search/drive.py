@@ -34,7 +34,6 @@ from stemwatch.models.mismatch.fit.evaluator import (
     Evaluator,
     TermSet,
 )
-from stemwatch.models.mismatch.search.force_balance import ForceBalance, force_balance
 from stemwatch.models.mismatch.search.reading_errors import pinned
 from stemwatch.models.mismatch.search.term_selection import (
     AS_GOOD,
@@ -46,6 +45,7 @@ from stemwatch.models.mismatch.search.term_selection import (
 )
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.force_balance import ForceBalance, balance_of_part
 from stemwatch.models.stickslip.parameters import Bounds
 
 TERMS = (DRIVE, LOAD)
@@ -177,14 +177,14 @@ def _starts(evaluator: Evaluator, layout: CoordinateLayout, balance: ForceBalanc
 
 def starts_of_first_part(evaluator: Evaluator, layout: CoordinateLayout) -> Floats | None:
     """(m, size) starts of a drive's fit to the first part, computed from that part alone; ``None``
-    for a hypothesis without a drive, or where that part shows none.
+    for a hypothesis without a drive, or where the stem hardly moves in that part.
     """
     if DRIVE not in layout.places:
         return None
     problem = evaluator.problem
     early = evaluator.within(problem.training_blocks())
-    balance = force_balance(replace(problem, block=early))
-    return _starts(evaluator, layout, balance) if isinstance(balance, ForceBalance) else None
+    balance = balance_of_part(replace(problem, block=early))
+    return None if balance is None else _starts(evaluator, layout, balance)
 
 
 def _fit_drive_alone(evaluator: Evaluator, base: BaseFit) -> Search[Fitted]:

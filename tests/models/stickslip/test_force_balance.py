@@ -13,10 +13,10 @@ from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Stiction
 from stemwatch.models.mismatch.measurement.record_effects import measured_record
 from stemwatch.models.mismatch.prepared_recording import problem_of
-from stemwatch.models.mismatch.search.force_balance import AT_LIMIT, force_balance, parabolas
 from stemwatch.models.mismatch.stiction import of_balance
 from stemwatch.models.preparation.own_clock import on_own_clock
 from stemwatch.models.recording import Role
+from stemwatch.models.stickslip.force_balance import AT_LIMIT, force_balance, parabolas
 from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls
 from tests.benchmarks.bench_other_motors import draw
 from tests.models.mismatch.simulated_drive import drive

@@ -23,7 +23,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.mismatch.terms.load_by_position import MOST as MOST_LOAD
 from stemwatch.models.recording import Floats
 from stemwatch.models.statistics.block_bootstrap import block_weights
 from stemwatch.models.stickslip.kernel import START
@@ -68,10 +67,15 @@ GROWS, MAY_GROW, MOST_GROWTH = 0.65, 0.9, 0.5
 # Standard error of S as a share of the limit, of a motor that gives way to its load: it then falls
 # and swings, and one (of a test) has S off by 0.065 of the limit.
 NEAR_THE_LIMIT, OF_THE_LIMIT = 0.8, 0.05
+NOT_AS_A_WHOLE = (
+    "parts of the recording are those of a motor drive, but no model of one follows the whole of "
+    "it; record it with smaller or slower moves, or for longer"
+)
 AT_LIMIT = (
     "the motor meets the limit of its voltage or cannot hold its load, so that what OP asks for "
     "does not tell the force; record it with smaller or slower moves, or with less load"
 )
+MOST_LOAD = 60.0  # percent: each coefficient of a load, either way
 FEWEST = 300  # samples
 LOADS = slice(1, 4)
 FRICTION, SPEED, INERTIA, GROWTH = 4, 5, 6, 7  # among the coefficients; growth may lack
@@ -101,6 +105,7 @@ class ForceBalance:
     top_speed: float  # percent a unit: the fastest motion that was seen
     most_error: float
     left: float
+    is_quick: bool  # as no valve is that air moves
 
 
 def force_balance(problem: FitProblem) -> ForceBalance | str | None:
@@ -110,14 +115,33 @@ def force_balance(problem: FitProblem) -> ForceBalance | str | None:
     if seen is None:
         return None
     shown = seen.tells()
-    tells = shown and seen.load_is_credible
-    if not (tells or (seen.is_quick and (shown or seen.limit_is_doubtful))):
+    if not (shown or (seen.is_quick and seen.limit_is_doubtful)):
         return None
     resolved = _resolved(problem, RUN_UPS, SHORTEST)
     if resolved is None:
         return None
-    if not tells and not (np.isfinite(resolved.most_error) and resolved.load_is_credible):
-        return AT_LIMIT
+    tells = shown and seen.load_is_credible
+    if not resolved.load_is_credible or not (tells or np.isfinite(resolved.most_error)):
+        return AT_LIMIT if seen.is_quick else None
+    return _balance(problem, seen, resolved)
+
+
+def moves_as_a_motor(problem: FitProblem) -> bool:
+    """Whether the recording shows a drive that is quicker than a valve moved by air: its lag is no
+    sign of clocks that differ, and what a load pulls no curve from OP to stroke."""
+    balance = force_balance(problem)
+    return balance.is_quick if isinstance(balance, ForceBalance) else balance is not None
+
+
+def balance_of_part(problem: FitProblem) -> ForceBalance | None:
+    """The balance of a part of the recording of what is known to be a drive; ``None`` where it
+    hardly moves in it."""
+    seen = _resolved(problem, RUN_UPS_TO_SEE, FIRST_WINDOW)
+    resolved = _resolved(problem, RUN_UPS, SHORTEST)
+    return None if seen is None or resolved is None else _balance(problem, seen, resolved)
+
+
+def _balance(problem: FitProblem, seen: _Regression, resolved: _Regression) -> ForceBalance:
     growing = resolved.with_growth()
     rival_S = None
     if growing is not None and growing.left <= GROWS * resolved.left:
@@ -133,11 +157,12 @@ def force_balance(problem: FitProblem) -> ForceBalance | str | None:
         least_error=OF_THE_LIMIT * resolved.most_error if resolved.gives_way else 0.0,
         zero=-float(zero),
         load=np.array(load),
-        lag_s=float(lag) * dt,
+        lag_s=max(float(lag), SHORT_RUN_UP) * dt,
         run_up_s=max(seen.run_up, resolved.run_up, SHORT_RUN_UP) * dt,
         top_speed=resolved.top_speed / dt,
         most_error=resolved.most_error,
         left=resolved.left,
+        is_quick=seen.is_quick,
     )
 
 
@@ -248,8 +273,8 @@ class _Regression:
 
     @property
     def load_is_credible(self) -> bool:
-        """Whether the term of the load could take it; a motor that gives way to its load seems to
-        have one without end."""
+        """Whether it is one that is looked for; a motor that gives way to its load seems to have
+        one without end."""
         return bool(np.abs(self.coefficients[LOADS]).max() <= MOST_LOAD)
 
     def _left_of_massless(self) -> float:
