@@ -23,8 +23,6 @@ from stemwatch.models.signals.percent import POSSIBLE_PERCENT
 from stemwatch.models.stickslip.best_pairing import AFTER, BEFORE, BestShift, Pairing, paired
 from stemwatch.models.stickslip.clock_shift import BehindController, behind_controller
 from stemwatch.models.stickslip.fit import FirstLook
-from stemwatch.models.stickslip.force_balance import moves_as_a_motor
-from stemwatch.models.stickslip.problem import make_problem
 from stemwatch.models.stickslip.rests import Rests
 from stemwatch.models.words import share
 
@@ -277,8 +275,6 @@ def _otherwise_explained(recording: Recording, seen: WiringEvidence) -> list[Obs
     if seen.at_once < DOUBTED or seen.nearest.left < DOUBTED:
         return []
     if seen.pairing.slips_to_its_command or seen.far_off_at_a_top_speed:
-        return []
-    if moves_as_a_motor(make_problem(recording)):
         return []
     far = seen.far_away
     mixed_up = [(Role.OP, Role.MV, seen.swapped)]

@@ -128,7 +128,7 @@ def force_balance(problem: FitProblem) -> ForceBalance | str | None:
 
 def moves_as_a_motor(problem: FitProblem) -> bool:
     """Whether the recording shows a drive that is quicker than a valve moved by air: its lag is no
-    sign of clocks that differ, and what a load pulls no curve from OP to stroke."""
+    sign that OP was stored late, and what a load pulls no curve from OP to stroke."""
     balance = force_balance(problem)
     return balance.is_quick if isinstance(balance, ForceBalance) else balance is not None
 
