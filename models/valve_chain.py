@@ -129,7 +129,11 @@ CHAIN_PARAMETERS = (
     ),
     _tunable("run_up", "s", "Time in which a drive with inertia runs up; 0 is none"),
     _tunable(
-        "top_speed", "%/s", f"Top speed of a drive with inertia; {FREE:g} is none", FREE, 1e-9
+        "top_speed",
+        "%/s",
+        f"Speed at full voltage of a drive with inertia; {FREE:g} is no limit",
+        FREE,
+        1e-9,
     ),
     _tunable("creep", "%/s", "Speed of a stem at rest, negative: falling", 0.0, None),
     _tunable("stop_low", "%", "The stem goes no lower", -NO_STOP, None),

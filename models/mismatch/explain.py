@@ -100,7 +100,9 @@ from stemwatch.models.signals.percent import without_impossible_values
 from stemwatch.models.stickslip.breakaways import LATE
 from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
 from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
+from stemwatch.models.stickslip.force_balance import NOT_AS_A_WHOLE, moves_as_a_motor
 from stemwatch.models.stickslip.op_within_steps import op_within_steps
+from stemwatch.models.stickslip.problem import make_problem
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
 
 # Curved errors over travel, the same both ways: of a curve from OP to stroke that was found in a
@@ -148,7 +150,10 @@ def explain(
     # A frozen reading is no stem: neither curve nor clock is sought in it, and no fit runs through.
     recording = without_frozen(recording, measured.frozen)
     recording, measured = _stilled(recording, measured)
-    late_s = find_op_late(recording) if late_s is None else late_s
+    if late_s is None:
+        late_s = find_op_late(recording)
+        if late_s and moves_as_a_motor(make_problem(recording)):
+            late_s = 0.0
     if late_s:
         recording = brought_forward(recording, late_s)
         effects = (late_effect(late_s, recording.unit_s), *measured.effects)
@@ -225,6 +230,8 @@ def _explained(
         return _not_testable(measured, reason)
     problem = replace(problem_of(recording, measured), unsure_degree=unsure_degree)
     case = prepare(recording, measured, ceiling, problem, own_reading=own_reading)
+    if case.untold:
+        return _not_testable(measured, case.untold)
     return _mismatch_of(replace(case, refused={**case.refused, **refused}))
 
 
@@ -309,6 +316,9 @@ def _through_flow(recording: Recording) -> Mismatch:
 def _mismatch_of(case: PreparedRecording) -> Mismatch:
     """What the accepted hypothesis says of a recording, beside S and J alone."""
     hypothesis = checked(accepted_hypothesis(case))
+    is_drive = case.balance is not None and case.balance.is_quick
+    if is_drive and DRIVE not in hypothesis.layout.places:
+        return _not_testable(case.measured, NOT_AS_A_WHOLE)
     evaluator, comparison = hypothesis.evaluator, hypothesis.comparison
     naive_only = naive_evaluator(evaluator)
     naive = conclude(

@@ -20,12 +20,12 @@ from stemwatch.models.mismatch.measurement.record_effects import MeasuredRecord
 from stemwatch.models.mismatch.search.breakaway_levels import DWELL, LEAST_SIZE
 from stemwatch.models.mismatch.search.drive import NOT_RESOLVED
 from stemwatch.models.mismatch.search.drive import TERMS as OF_A_DRIVE
-from stemwatch.models.mismatch.search.force_balance import ForceBalance, force_balance
 from stemwatch.models.mismatch.search.reading_errors import STICKS_AGAIN
 from stemwatch.models.mismatch.term import RecordingSummary, Term
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.signals.forensics import quiet_sigma
+from stemwatch.models.stickslip.force_balance import ForceBalance, force_balance
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
 
 FEWEST_SAMPLES = 60
@@ -47,6 +47,7 @@ class PreparedRecording:
     ceiling: Floats | None
     own_reading: bool
     balance: ForceBalance | None  # of a drive whose motion the samples resolve
+    untold: str = ""  # why the friction of such a drive cannot be told
 
 
 def why_not(recording: Recording, measured: MeasuredRecord) -> str | None:
@@ -154,9 +155,12 @@ def prepare(
     if not own_reading:
         refused |= dict.fromkeys(READING, "zero and span are those of the flow's characteristic")
     balance = force_balance(problem) if own_reading else None
+    untold, balance = (balance, None) if isinstance(balance, str) else ("", balance)
     if balance is None:
         refused |= dict.fromkeys(OF_A_DRIVE, NOT_RESOLVED)
-    return PreparedRecording(recording, measured, base, refused, ceiling, own_reading, balance)
+    return PreparedRecording(
+        recording, measured, base, refused, ceiling, own_reading, balance, untold
+    )
 
 
 def admissible(refused: Mapping[str, str]) -> dict[str, Term]:

@@ -19,12 +19,12 @@ from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.crossfit import Fitted, gain
 from stemwatch.models.mismatch.fit.evaluator import Evaluator
 from stemwatch.models.mismatch.fit.uncertainty import estimate
-from stemwatch.models.mismatch.search.force_balance import ForceBalance
 from stemwatch.models.mismatch.search.reading_errors import without_error
 from stemwatch.models.mismatch.stem_model.delay import delayed
 from stemwatch.models.recording import PERCENT, Floats
 from stemwatch.models.signals.op_in_steps import set_in_steps
 from stemwatch.models.stickslip.breakaways import LEAST_J, Breakaways, breakaways
+from stemwatch.models.stickslip.force_balance import ForceBalance
 from stemwatch.models.stickslip.interval import (
     REPLICATES,
     way_in_a_sample,
@@ -142,9 +142,12 @@ def jump_within_a_step(problem: FitProblem, told: Stiction) -> bool:
 
 def of_balance(balance: ForceBalance, fitted: Stiction) -> Stiction:
     """S from the force balance, which uses every moving sample; J as it was ``fitted``."""
-    error = max(MODEL_ERROR * balance.S, LEAST_ERROR)
-    S = estimate(balance.S_replicates, balance.S, PERCENT, float(error))
-    return replace(fitted, S=_positive(S))
+    error = max(MODEL_ERROR * balance.S, LEAST_ERROR, balance.least_error)
+    S = _positive(estimate(balance.S_replicates, balance.S, PERCENT, float(error)))
+    if balance.rival_S is not None:
+        rival = np.full(REPLICATES, balance.rival_S)
+        S = S.holding(_positive(estimate(rival, balance.rival_S, PERCENT, float(error))))
+    return replace(fitted, S=S)
 
 
 def _positive(estimate: Estimate) -> Estimate:

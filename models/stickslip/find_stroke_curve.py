@@ -32,6 +32,7 @@ from stemwatch.models.stickslip.fit import (
     search,
     sticking_grid,
 )
+from stemwatch.models.stickslip.force_balance import moves_as_a_motor
 from stemwatch.models.stickslip.problem import make_problem
 from stemwatch.models.stickslip.search import SearchResult, best_of
 from stemwatch.models.stickslip.stroke_curve import (
@@ -249,6 +250,8 @@ def find_stroke_curve(
     is then another one.
     """
     if not curve_suspected(recording) or not _moves(recording):
+        return None
+    if moves_as_a_motor(make_problem(recording)):  # which a load pulls off its command
         return None
     straight = _Reading.of(recording, recording.op.values, 0)
     slope_known = slope_of_means(recording, TOGETHER_ENOUGH) is not None

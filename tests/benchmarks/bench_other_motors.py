@@ -178,7 +178,8 @@ def summary(rows: list[Found]) -> list[str]:
         f"- {len(rows)} motors: {len(drives)} named as a drive, "
         f"{sum(row.finding == 'unknown' for row in rows)} unknown",
         f"- S off by {off(drives)} % of a turn (median) where a drive is named, {off(others)} "
-        f"where none is; the interval holds it in {held} of {len(rows)}",
+        f"where none is; the interval holds it in {held} of {len(rows)}, "
+        f"{sum(row.S is None for row in rows)} have no S but a reason",
         f"- a load of {CLEAR_LOAD:g} % and more is named in {loaded(clear)}, one below {NO_LOAD:g} "
         f"% in {loaded(none)}",
     ]

@@ -35,16 +35,18 @@ def test_an_arm_that_has_come_to_rest_is_held_by_motor_and_friction(friction: fl
 
 
 def test_the_summary_counts_names_loads_and_intervals() -> None:
-    """Of three motors two are drives, one of two loads is named, and two intervals hold S."""
-    light = Motor(**{**vars(MOTOR), "load": 0.2})
+    """Of four motors two are drives, one of two loads is named, two intervals hold S, and one has
+    no S."""
+    light, middling = (Motor(**{**vars(MOTOR), "load": load}) for load in (0.2, 1.0))
     rows = [
         Found(MOTOR, "named", ("load_by_position", "motor_drive"), 1.1, 0.9, 1.3),
         Found(MOTOR, "unknown", (), 4.0, 3.0, 5.0),
         Found(light, "named", ("motor_drive",), 1.0, 0.8, 1.2),
+        Found(middling, "not_testable", (), None, None, None),
     ]
     assert summary(rows) == [
-        "- 3 motors: 2 named as a drive, 1 unknown",
+        "- 4 motors: 2 named as a drive, 1 unknown",
         "- S off by 0.05 % of a turn (median) where a drive is named, 3.00 where none is; the "
-        "interval holds it in 2 of 3",
+        "interval holds it in 2 of 4, 1 have no S but a reason",
         "- a load of 2 % and more is named in 1 of 2, one below 0.5 % in 0 of 1",
     ]

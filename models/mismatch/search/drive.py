@@ -34,7 +34,6 @@ from stemwatch.models.mismatch.fit.evaluator import (
     Evaluator,
     TermSet,
 )
-from stemwatch.models.mismatch.search.force_balance import ForceBalance, force_balance
 from stemwatch.models.mismatch.search.reading_errors import pinned
 from stemwatch.models.mismatch.search.term_selection import (
     AS_GOOD,
@@ -46,6 +45,7 @@ from stemwatch.models.mismatch.search.term_selection import (
 )
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.force_balance import ForceBalance, balance_of_part
 from stemwatch.models.stickslip.parameters import Bounds
 
 TERMS = (DRIVE, LOAD)
@@ -63,7 +63,9 @@ DELAYS = (0.0, 2.0, 4.0)  # samples
 # three valves whose position was stored 5 s late have 1.2, 2.0 and 2.0 (t 11 and more), recordings
 # of a servo drive at most 0.55 (t 2.4).
 REFUTED_MEAN, REFUTED_T = 0.8, 4.0
-TOP_SPEEDS = (1.0, 1.15, np.inf)  # times the fastest motion that was seen
+# Times the fastest motion that was seen, where the balance knows of no limit of the voltage.
+TOP_SPEEDS = (1.0, 1.15, np.inf)
+NEAR_LIMIT = (0.95, 1.0, 1.05)  # times the limit that it knows
 
 
 def name_drive(base: BaseFit, balance: ForceBalance, terms: Mapping[str, Term]) -> Named | None:
@@ -159,12 +161,15 @@ def _starts(evaluator: Evaluator, layout: CoordinateLayout, balance: ForceBalanc
     """
     dt = evaluator.problem.interval_s
     rows = []
-    for ratio, delay, top in product(RATIOS, DELAYS, TOP_SPEEDS):
+    top_speeds = [times * balance.top_speed for times in TOP_SPEEDS]
+    if np.isfinite(balance.most_error):
+        top_speeds = [times * balance.most_error / balance.lag_s for times in NEAR_LIMIT]
+    for ratio, delay, top in product(RATIOS, DELAYS, top_speeds):
         row = np.zeros(layout.size)
         row[base_coordinate.S_PERCENT], row[base_coordinate.RATIO] = balance.S, ratio
         row[base_coordinate.ZERO], row[base_coordinate.DELAY] = balance.zero, delay * dt
         lag_s = max(balance.lag_s - delay * dt, 0.3 * balance.lag_s)
-        row[layout.places[DRIVE]] = lag_s, balance.run_up_s, 1.0 / (top * balance.top_speed)
+        row[layout.places[DRIVE]] = lag_s, balance.run_up_s, 1.0 / top
         row[layout.places[LOAD]] = balance.load
         rows.append(row)
     return layout.bounds.clip(np.array(rows))
@@ -172,13 +177,13 @@ def _starts(evaluator: Evaluator, layout: CoordinateLayout, balance: ForceBalanc
 
 def starts_of_first_part(evaluator: Evaluator, layout: CoordinateLayout) -> Floats | None:
     """(m, size) starts of a drive's fit to the first part, computed from that part alone; ``None``
-    for a hypothesis without a drive, or where that part shows none.
+    for a hypothesis without a drive, or where the stem hardly moves in that part.
     """
     if DRIVE not in layout.places:
         return None
     problem = evaluator.problem
     early = evaluator.within(problem.training_blocks())
-    balance = force_balance(replace(problem, block=early))
+    balance = balance_of_part(replace(problem, block=early))
     return None if balance is None else _starts(evaluator, layout, balance)
 
 

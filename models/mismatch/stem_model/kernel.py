@@ -165,7 +165,8 @@ def _move_heavy(
 
     The force balance in ``_PARTS`` implicit steps ``h``, stable for every drag and inertia: in the
     direction of motion, ``w = max((a w/h + gap) / (a/h + DRAG_S + h), 0)``, ``a = DRAG_S
-    RUN_UP_S``. ``forces`` (lanes,) then hold the stem at its new place, so that ``move`` reads it
+    RUN_UP_S``; at the limit of the voltage the force does not depend on the place, and the last
+    ``h`` is 0. ``forces`` (lanes,) then hold the stem at its new place, so that ``move`` reads it
     there; ``_after_heavy`` corrects afterwards what ``move`` cannot know.
     """
     h = dt / _PARTS
@@ -175,10 +176,12 @@ def _move_heavy(
             continue
         drag, top = q[stem_number.DRAG_S], q[stem_number.TOP_SPEED]
         inertia = drag * q[stem_number.RUN_UP_S] / h
+        most = drag * top if drag > 0.0 and top < np.inf else np.inf
         x, d, w = s[row.X + i], s[row.SIDE + i], s[row.SPEED + i]
-        force, force_left = forces[i] - s[row.FORCE + i], 0.0
+        load, force_left = s[row.FORCE + i], 0.0
         for part in range(_PARTS):
-            f = force - x
+            off = forces[i] - x
+            f = min(max(off, -most), most) - load
             if w <= 0.0:
                 up = f > near_onset[0] * s[row.FS_UP + i]
                 down = -f > near_onset[1] * s[row.FS_DOWN + i]
@@ -187,13 +190,17 @@ def _move_heavy(
                 d = 1.0 if up else -1.0
                 force_left = f if part == 0 else force_left
             gap = d * f - (s[row.FD_UP + i] if d > 0.0 else s[row.FD_DOWN + i])
-            w = min(max((inertia * w + gap) / (inertia + drag + h), 0.0), top)
+            gives = h if abs(off) < most else 0.0
+            w = max((inertia * w + gap) / (inertia + drag + gives), 0.0)
             x += d * w * h
         stopped = min(max(x, s[row.STOP_LOW + i]), s[row.STOP_HIGH + i])
         s[row.SPEED + i] = w if stopped == x else 0.0
         s[row.X + i], s[row.SIDE + i], s[row.MOVING + i] = stopped, d, 0.0
-        s[row.HEAVY_LET_GO_AT + i], s[row.HEAVY_FORCE_AFTER + i] = force_left, force - stopped
-        forces[i] = stopped + s[row.FORCE + i]
+        s[row.HEAVY_LET_GO_AT + i], s[row.HEAVY_FORCE_AFTER + i] = (
+            force_left,
+            min(max(forces[i] - stopped, -most), most) - load,
+        )
+        forces[i] = stopped + load
 
 
 @never_raises

@@ -14,8 +14,9 @@ doi:10.1016/j.conengprac.2004.05.005): levels ``fs = (S + J)/2`` and ``fd = (S -
 - a force may depend on place (``force``), and on the way since a turn (``HYSTERESIS``, ``WAY``: see
   ``inner_friction``); a resting stem may creep, stops may hold it,
 - a stem with inertia (``RUN_UP_S`` > 0, where a drive is sampled fast enough to show it) is moved
-  by its force balance, ``DRAG_S (RUN_UP_S dv/dt + v) = d F - fd``, ``0 <= v <= TOP_SPEED``; it
-  rests where its speed has come to 0 and the force is within ``fs``,
+  by its force balance, ``DRAG_S (RUN_UP_S dv/dt + v) = d F - fd``, ``v >= 0``; the motor's part
+  of ``F``, ``p - x``, goes no further than ``DRAG_S TOP_SPEED``, at which the voltage meets its
+  limit; it rests where its speed has come to 0 and the force is within ``fs``,
 - between stem and reading there may be play, and the reading may drift:
   ``MV = gain (z - 50) + 50 + zero + drift (t/T - 1/2) + wander(t)``.
 """

@@ -21,8 +21,8 @@ from stemwatch.models.mismatch.stem_model.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._common import StemTerm, about_value, number, size
 from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.force_balance import MOST_LOAD
 
-MOST = 60.0  # percent at an end of travel, either way
 MATERIAL_PERCENT = 1.2  # change of the force over the travel seen
 SAID_AT = np.array([25.0, 50.0, 75.0])  # percent of travel
 
@@ -64,9 +64,9 @@ class LoadByPosition(StemTerm):
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The linear, quadratic and cubic coefficients: what each part adds at 100 % of travel."""
         return (
-            Coordinate(name="straight_percent", low=-MOST, high=MOST),
-            Coordinate(name="bent_percent", low=-MOST, high=MOST),
-            Coordinate(name="twice_bent_percent", low=-MOST, high=MOST),
+            Coordinate(name="straight_percent", low=-MOST_LOAD, high=MOST_LOAD),
+            Coordinate(name="bent_percent", low=-MOST_LOAD, high=MOST_LOAD),
+            Coordinate(name="twice_bent_percent", low=-MOST_LOAD, high=MOST_LOAD),
         )
 
     def starts(self, summary: RecordingSummary) -> Floats:

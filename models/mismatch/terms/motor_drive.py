@@ -1,11 +1,12 @@
-"""Motor drive of finite gain: ``tau (tau_r dv/dt + v) = F - d fd``, ``|v| <= v_max``. Neutral: 0.
+"""Motor drive of finite gain: ``tau (tau_r dv/dt + v) = F - d fd``. Neutral: 0.
 
 A motor under proportional position control is driven by the distance ``u - x`` that is left, less
 what its speed induces: ``tau`` is that voltage over the controller's gain, in seconds; ``tau_r``
 is the time in which the motor runs up, its inertia over the same coefficient; ``v_max`` is the
-speed at full voltage. The bus and the controller may keep the command back by some samples, so the
-delay of the base reaches further beside this term. A usual model of a direct-current drive, as in
-Armstrong-Hélouvry, Dupont and Canudas de Wit (1994, doi:10.1016/0005-1098(94)90209-7).
+speed at full voltage, so that ``u - x`` drives it by ``tau v_max`` at most, whatever the load. The
+bus and the controller may keep the command back by some samples, so the delay of the base reaches
+further beside this term. A usual model of a direct-current drive, as in Armstrong-Hélouvry, Dupont
+and Canudas de Wit (1994, doi:10.1016/0005-1098(94)90209-7).
 
 Signature: the position follows behind the command by an amount that rises with speed, and swings
 into and out of motion over several samples.
@@ -25,7 +26,8 @@ from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, W
 from stemwatch.models.mismatch.terms._common import StemTerm, about_value, grid
 from stemwatch.models.recording import Floats
 
-LONGEST = 60.0  # samples
+LONGEST = 100.0  # samples of lag and run-up
+SLOWEST = 400.0  # samples in which full voltage brings the motor through the swing of OP
 # Samples of lag and run-up, below which a drive does not show. The force balance has asked before.
 LEAST_SHOWN = 0.25
 FREE = 1e6  # percent a unit of time: no top speed
@@ -67,13 +69,15 @@ class MotorDrive(StemTerm):
     )
 
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
-        """Lag and run-up up to sixty samples; a top speed at which OP's swing takes as long."""
+        """Lag and run-up up to a hundred samples; the speed at full voltage as ``SLOWEST`` says."""
         longest = LONGEST * summary.interval_s
         return (
             Coordinate(name="tau_s", low=0.0, high=longest),
             Coordinate(name="run_up_s", low=0.0, high=longest),
             Coordinate(
-                name="slowness_s_per_percent", low=0.0, high=longest / max(summary.swing, 1.0)
+                name="slowness_s_per_percent",
+                low=0.0,
+                high=SLOWEST * summary.interval_s / max(summary.swing, 1.0),
             ),
         )
 

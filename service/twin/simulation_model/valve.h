@@ -254,19 +254,23 @@ static Levels levels_of(const Valve *v)
     return levels;
 }
 
-/* The stem with a motor's inertia: its force balance in implicit steps, stable for every drag. */
-static void move_with_inertia(Valve *v, double force, Levels at)
+/* The stem with a motor's inertia: its force balance in implicit steps, stable for every drag. The
+   motor pushes by what is left of its way, up to the limit of its voltage; the load pulls back. */
+static void move_with_inertia(Valve *v, double goal, double load, Levels at)
 {
     const double *q = v->q;
     double h = q[SAMPLE_TIME] / MOTOR_PARTS, inertia = q[DRAG] * q[RUN_UP] / h, x = v->x;
+    int limited = q[DRAG] > 0.0 && q[TOP_SPEED] < 1e6; /* from there on there is none */
+    double most = limited ? q[DRAG] * q[TOP_SPEED] : INFINITY;
     for (int part = 0; part < MOTOR_PARTS; part++) {
-        double f = force - x;
+        double f = clipped(goal - x, -most, most) - load;
+        double gives = fabs(goal - x) < most ? h : 0.0;
         if (v->speed <= 0.0) {
             if (!(f > at.breaks_up || -f > at.breaks_down)) break;
             v->way = f > at.breaks_up ? 1.0 : -1.0;
         }
         double gap = v->way * f - (v->way > 0.0 ? at.slides_up : at.slides_down);
-        v->speed = clipped((inertia * v->speed + gap) / (inertia + q[DRAG] + h), 0.0, q[TOP_SPEED]);
+        v->speed = fmax((inertia * v->speed + gap) / (inertia + q[DRAG] + gives), 0.0);
         x += v->way * v->speed * h;
     }
     v->x = clipped(x, q[STOP_LOW], q[STOP_HIGH]);
@@ -354,10 +358,10 @@ static void advance(Valve *v)
     double force = force_of(v), half = 0.5 * v->q[PLAY];
     v->age += 1.0;
     Levels at = levels_of(v);
-    force -= table_at(v->force, v->x) + held_back(v);
+    double load = table_at(v->force, v->x) + held_back(v);
     v->rested = v->moving ? 1.0 : v->rested + 1.0;
-    if (v->q[RUN_UP] > 0.0) move_with_inertia(v, force, at);
-    else move(v, force, at);
+    if (v->q[RUN_UP] > 0.0) move_with_inertia(v, force, load, at);
+    else move(v, force - load, at);
     v->z = clipped(v->z, v->x - half, v->x + half);
     v->position = reading(v);
 }

@@ -162,14 +162,17 @@ algorithm
       rested := if moving then 1 else rested + 1;
 
       if run_up > 0 then
-        // With inertia: the force balance in four implicit steps.
+        // With inertia: the force balance in four implicit steps. The motor pushes by what is left
+        // of its way, up to the limit of its voltage; the load pulls back.
         part := sample_time / 4;
+        least := if drag > 0 and top_speed < 1e6 then drag * top_speed else 1e30;
         for i in 1:4 loop
-          f := force - x;
+          share := force + pushed - x;
+          f := min(max(share, -least), least) - pushed;
           if speed > 0 or f > level + up + rise or -f > level + down + rise then
             way := if speed > 0 then way else if f > level + up + rise then 1 else -1;
             gap := way * f - (level - (if way > 0 then up else down));
-            speed := min(max((drag * run_up / part * speed + gap) / (drag * run_up / part + drag + part), 0), top_speed);
+            speed := max((drag * run_up / part * speed + gap) / (drag * run_up / part + drag + (if abs(share) < least then part else 0)), 0);
             x := x + way * speed * part;
           end if;
         end for;

@@ -8,12 +8,17 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.explain import explain
+from stemwatch.models.mismatch.findings import Stiction
 from stemwatch.models.mismatch.measurement.record_effects import measured_record
 from stemwatch.models.mismatch.prepared_recording import problem_of
-from stemwatch.models.mismatch.search.force_balance import force_balance, parabolas
+from stemwatch.models.mismatch.stiction import of_balance
 from stemwatch.models.preparation.own_clock import on_own_clock
 from stemwatch.models.recording import Role
+from stemwatch.models.stickslip.force_balance import AT_LIMIT, force_balance, parabolas
 from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls
+from tests.benchmarks.bench_other_motors import draw
 from tests.models.mismatch.simulated_drive import drive
 
 
@@ -97,6 +102,58 @@ def test_a_process_valve_shows_none(slug):
         run = case.simulated()
         result, _ = balanced(run.recording)
         assert result is None
+
+
+@pytest.mark.parametrize(
+    "slug",
+    [
+        "actuator_lag",
+        "viscous_drag",
+        pytest.param("dead_time", marks=pytest.mark.long),
+        pytest.param("underdamped_positioner", marks=pytest.mark.long),
+    ],
+)
+def test_a_process_valve_that_is_as_quick_as_a_motor_shows_none(slug):
+    """Its time taken for a twentieth: what tells a drive is not that it is quick."""
+    for case in draw_effect(slug, 2, 6161):
+        recording = case.simulated().recording
+        quick = replace(recording, interval_s=recording.interval_s / 20.0)
+        assert balanced(quick)[0] is None
+
+
+@pytest.mark.parametrize(("S", "run_up_s"), [(0.6, 0.002), (1.5, 0.003)])
+def test_a_motor_with_hardly_any_inertia_is_a_drive(S, run_up_s):
+    """A run-up below a third of a sample cannot be seen, and next to nothing is left."""
+    result, unit_s = balanced(drive(S, lag_s=0.2, run_up_s=run_up_s))
+    assert result.S == pytest.approx(S, rel=0.12, abs=0.03)
+    assert result.lag_s * unit_s == pytest.approx(0.2, rel=0.2)
+
+
+@pytest.mark.parametrize(("S", "top_speed"), [(0.6, 25.0), (1.0, 30.0)])
+def test_a_voltage_that_meets_its_limit_does_not_widen_S(S, top_speed):
+    """The error at which it does is found with it, and S is that of the friction."""
+    result, _ = balanced(drive(S, lag_s=0.2, top_speed=top_speed))
+    assert result.most_error == pytest.approx(0.2 * top_speed, rel=0.1)
+    assert result.S == pytest.approx(S, rel=0.12, abs=0.05)
+
+
+def test_a_motor_that_gives_way_to_its_load_has_a_wide_S():
+    """It falls and swings where the weight pulls more than it can hold."""
+    result, _ = balanced(drive(1.0, lag_s=0.2, load=6.0, top_speed=18.0))
+    S = of_balance(result, Stiction(S=Estimate(value=9.0), J=Estimate(value=0.0))).S
+    assert S.low <= 1.0 <= S.high
+    held, _ = balanced(drive(1.0, lag_s=0.2, load=2.0, top_speed=30.0))
+    narrow = of_balance(held, Stiction(S=Estimate(value=9.0), J=Estimate(value=0.0))).S
+    assert S.high - S.low > 1.5 * (narrow.high - narrow.low)
+
+
+@pytest.mark.parametrize("number", [6, 51])
+def test_a_motor_whose_load_cannot_be_told_has_no_S_but_a_reason(number):
+    """Its pull and its limit are about the same, and the balance finds a load without end."""
+    _, recording = draw(1, number)
+    assert balanced(recording)[0] == AT_LIMIT
+    if number == 6:  # which a curve from OP to stroke would explain, with friction in one place
+        assert explain(recording).restated.S.reason == AT_LIMIT
 
 
 def test_a_drive_at_rest_shows_none():
