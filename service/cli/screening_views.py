@@ -152,7 +152,7 @@ def summary(ranking: Ranking) -> Table:
         "left",
     )
     aside, wide = _add_columns(table, [valve for valve, _ in lines])
-    for valve, recording in lines:
+    for place, (valve, recording) in enumerate(lines, start=1):
         screening = valve.screening
         shape = screening.shape.value if screening.shape else ""
         named = note_of.get(screening.valve, "")
@@ -160,7 +160,7 @@ def summary(ranking: Ranking) -> Table:
         urgency = f"\npriority {valve.priority.code}" if valve.priority else ""
         side_cells = (f"{valve.decision.state.value}{urgency}", shape, screening.quality.grade)
         table.add_row(
-            str(valve.rank),
+            str(place),
             escape("\n".join(filter(None, (screening.valve, recording)))),
             f"[{STYLE[valve.verdict]}]{valve.verdict.value}[/]{note}",
             _number(screening.S),

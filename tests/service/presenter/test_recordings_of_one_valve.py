@@ -67,3 +67,13 @@ def test_recordings_of_one_valve_are_told_apart_and_counted_as_one(tmp_path: Pat
     assert ranked.counts.sentence.endswith("(4 recordings).")
     (line, *_) = views.undetermined_lines(every)
     assert line.count("LIC-1") == 1
+
+
+def test_valves_in_the_terminal_are_numbered_without_gaps() -> None:
+    """Where nothing has a verdict each valve has one line, whatever its recordings."""
+    several = [
+        replace(blind("LIC-1", NO_POSITION), provenance=Provenance(source=f"exports/{month}.txt"))
+        for month in ("june", "july")
+    ]
+    ranking = brief_ranking([*several, blind("LIC-2", NO_POSITION)])
+    assert list(views.summary(ranking).columns[0].cells) == ["1", "2"]
