@@ -14,12 +14,12 @@ from pathlib import Path
 
 from stemwatch.connectors.modbus import SampleBatch
 from stemwatch.connectors.modbus.device_state import DeviceState
-from stemwatch.service.collector import Collector, Spool, collect
+from stemwatch.service.collector import Collector, SinkRefused, Spool, collect
 from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.logs import set_up_logs
 from stemwatch.service.process_lifecycle import starting_quietly, take_signals
 from stemwatch.service.serve.plant_secrets import hide_secrets
-from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.errors import StoreError, Unstorable
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.samples.tables import instant_of
 from stemwatch.service.store.store import Store, open_store
@@ -53,8 +53,12 @@ class StoreWhenReady:
             return self._store
 
     def write(self, batch: SampleBatch) -> None:
-        """Store the samples. Raises ``StoreError``."""
-        self.store().samples.write(batch)
+        """Store the samples. Raises ``SinkRefused`` for a batch that can never be stored, and
+        ``StoreError`` while the store is not available."""
+        try:
+            self.store().samples.write(batch)
+        except Unstorable as error:
+            raise SinkRefused(str(error)) from None
 
 
 class CollectorProcess:

@@ -10,3 +10,7 @@ class StoreError(Exception):
 
 class NotThere(StoreError):
     """What was asked for by its number is not in the store."""
+
+
+class Unstorable(StoreError):
+    """What was to be written can never be stored, because a column takes no such value."""

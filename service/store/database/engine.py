@@ -12,11 +12,17 @@ from pathlib import Path
 from typing import Any
 
 from sqlalchemy import Connection, Engine, create_engine, event, make_url
-from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
+from sqlalchemy.exc import (
+    ArgumentError,
+    DataError,
+    DBAPIError,
+    NoSuchModuleError,
+    SQLAlchemyError,
+)
 
 from stemwatch.connectors.secret import masked
 from stemwatch.service.store.database_url import DatabaseUrl
-from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.errors import StoreError, Unstorable
 
 BUSY_TIMEOUT_MS = 30_000
 _WRITES = "stemwatch_writes"
@@ -101,12 +107,13 @@ def for_writing(engine: Engine) -> Engine:
 @contextmanager
 def store_errors(address: DatabaseUrl, doing: str) -> Iterator[None]:
     """Turn database errors into a ``StoreError`` that names the database and what was being done,
-    without the password."""
+    without the password; into an ``Unstorable`` where trying again would not help."""
     try:
         yield
     except SQLAlchemyError as error:
         message = f"{doing} failed: {error_text(error, address)}"
-        raise StoreError(f"{address}: {message}{_if_damaged(error, message, address)}") from None
+        kind = Unstorable if isinstance(error, DataError) else StoreError
+        raise kind(f"{address}: {message}{_if_damaged(error, message, address)}") from None
     except (UnicodeDecodeError, JSONDecodeError) as error:  # a row does not hold what was saved
         message = f"{doing} failed: {error}"
         raise StoreError(f"{address}: {message}{_if_damaged(error, message, address)}") from None
