@@ -94,6 +94,26 @@ def test_the_report_is_filtered_and_counted_by_unit(
     assert "unit" in files.csv.read_text("utf-8-sig").splitlines()[0].split(",")
 
 
+def test_on_a_usual_screen_no_column_of_the_ranking_is_out_of_sight(
+    windows, make_screening, make_context, tmp_path
+) -> None:
+    """With units, criticality and long names of areas as well."""
+    valves = [make_screening(f"FIC-10{n}", samples=50) for n in range(3)]
+    facts = ValveFacts(
+        area="Crude distillation",
+        unit="unit 100",
+        criticality="2",
+        description="Reflux to the atmospheric column",
+    )
+    context = make_context(valves, valves=dict.fromkeys((v.valve for v in valves), facts))
+    files = write_report(valves, context, tmp_path)
+    page = windows.open(files.html.as_uri(), viewport={"width": 1280, "height": 900})
+    widths = page.locator("#ranking .sheet, #ranking-table").evaluate_all(
+        "both => both.map(one => one.getBoundingClientRect().width)"
+    )
+    assert widths[1] <= widths[0]
+
+
 def test_a_filter_counts_valves_that_have_a_row_alone(
     windows, make_screening, make_context, tmp_path, monkeypatch
 ) -> None:
