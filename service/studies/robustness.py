@@ -298,14 +298,7 @@ def answered(valve: StudiedValve, recording: Recording, storage: str) -> StudyAn
 def recorded(valve: StudiedValve, hours: int = 1) -> Recording:
     """The valve's recording of so many hours; the set-point moves of the first come every hour."""
     loop = valve.case.loop
-    if hours > 1:
-        moves = tuple(
-            (hour * loop.duration_s + time_s, value)
-            for hour in range(hours)
-            for time_s, value in loop.setpoints
-        )
-        loop = replace(loop, setpoints=moves, duration_s=hours * loop.duration_s)
-    return simulate_loop(loop, valve.case.seed).recording
+    return simulate_loop(loop.lasting(hours * loop.duration_s), valve.case.seed).recording
 
 
 def _op_per_travel(recording: Recording, stored: Recording) -> float:

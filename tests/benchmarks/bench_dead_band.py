@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -27,13 +26,7 @@ LAGS_S = (0.0, 4.0, 12.0, 30.0, 60.0)
 
 def hours_of(loop: PlantLoop, lag_s: float, seed: int) -> Recording:
     """Six hours of ``loop`` behind a lag, its set points again and again."""
-    times = int(HOURS * 3600.0 / loop.duration_s)
-    setpoints = tuple(
-        (at + again * loop.duration_s, value)
-        for again in range(times)
-        for at, value in loop.setpoints
-    )
-    longer = replace(loop, duration_s=HOURS * 3600.0, setpoints=setpoints)
+    longer = loop.lasting(HOURS * 3600.0)
     return simulate_loop(
         with_actuator(longer, air_lag_s=lag_s) if lag_s else longer, seed
     ).recording

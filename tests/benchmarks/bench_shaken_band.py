@@ -29,19 +29,11 @@ NOISES = (0.0, 0.3, 0.6, 1.2)  # percent of OP; 0: as it is drawn
 
 def hours_of(loop: PlantLoop, noise: float, seed: int) -> Recording:
     """Six hours of ``loop``, its set points again and again, with so much ``noise`` on OP."""
-    times = int(HOURS * 3600.0 / loop.duration_s)
-    setpoints = tuple(
-        (at + again * loop.duration_s, value)
-        for again in range(times)
-        for at, value in loop.setpoints
-    )
     transmitters = loop.transmitters
     if noise:
         pv_noise = noise / max(loop.controller.gain, 1e-6)
         transmitters = replace(transmitters, pv_noise=pv_noise)
-    longer = replace(
-        loop, duration_s=HOURS * 3600.0, setpoints=setpoints, transmitters=transmitters
-    )
+    longer = replace(loop.lasting(HOURS * 3600.0), transmitters=transmitters)
     return simulate_loop(longer, seed).recording
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from stemwatch.models.recording import Role
@@ -230,3 +230,14 @@ class PlantLoop:
                 f"{self.tag}: a recording needs at least two samples; received a duration of "
                 f"{self.duration_s} s at an interval of {self.archive.interval_s} s"
             )
+
+    def lasting(self, duration_s: float) -> PlantLoop:
+        """The loop recorded for ``duration_s``, with its set points again and again, as often as
+        the recording of now goes into it."""
+        times = int(duration_s / self.duration_s)
+        setpoints = tuple(
+            (again * self.duration_s + at, value)
+            for again in range(times)
+            for at, value in self.setpoints
+        )
+        return replace(self, duration_s=duration_s, setpoints=setpoints)

@@ -214,3 +214,12 @@ def test_a_record_of_one_sample_is_refused() -> None:
     """Too short a duration names the loop, the duration and the interval."""
     with pytest.raises(ValueError, match=r"FIC-101: .*two samples.*1\.0 s at an interval of 1\.0"):
         PlantLoop(duration_s=1.0)
+
+
+def test_a_loop_that_lasts_longer_moves_its_set_point_again() -> None:
+    """As often as its recording goes into the longer one, and no set point lies behind its end."""
+    loop = replace(_FLOW, setpoints=((10.0, 51.0), (1800.0, 49.0)))
+    assert loop.lasting(3600.0) == loop
+    longer = loop.lasting(9000.0)
+    assert longer.duration_s == 9000.0
+    assert longer.setpoints == ((10.0, 51.0), (1800.0, 49.0), (3610.0, 51.0), (5400.0, 49.0))
