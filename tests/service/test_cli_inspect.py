@@ -78,12 +78,7 @@ def test_the_proposed_mapping_loads_and_screens(
     assert loaded.problems == ()
     assert list(loaded.valves) == ["FIC-104"]
 
-    results = tmp_path / "found.json"
-    status = stemwatch(
-        "screen", "--plant", plant, "--out", tmp_path / "out", "--json", results, "--workers", 1
-    )
-    assert status.status == 0, status.said
-    (valve,) = json.loads(results.read_text(encoding="utf-8"))
+    valve = the_valve_screened(stemwatch, plant)
     assert ("FIC-104", "sticky") == (valve["valve"], valve["verdict"])
 
 
@@ -96,6 +91,18 @@ def exported(path: Path, op: Floats, mv: Floats, units: str = "") -> Path:
         lines.append(",".join([time, *(f"{value:.3f}" for value in row)]))
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
+
+
+def the_valve_screened(stemwatch, plant: Path) -> dict[str, Any]:
+    """What a screening by this plant file says of its one valve."""
+    out, results = plant.parent / "out", plant.parent / "found.json"
+    screened = stemwatch(
+        "screen", "--plant", plant, "--out", out, "--json", results, "--workers", 1
+    )
+    assert screened.status == 0, screened.said
+    (valve,) = json.loads(results.read_text(encoding="utf-8"))
+    found: dict[str, Any] = valve
+    return found
 
 
 def split_range(folder: Path) -> Path:
@@ -111,14 +118,10 @@ def test_a_position_in_mA_is_not_proposed_as_a_curve(stemwatch, tmp_path: Path) 
     recording = plain(5.0, 1.5)
     assert recording.mv is not None
     file = exported(tmp_path / "mA.csv", recording.op.values, 4.0 + 0.16 * recording.mv.values)
-    plant, results = tmp_path / "plant.toml", tmp_path / "found.json"
+    plant = tmp_path / "plant.toml"
     assert stemwatch("inspect", file, "--write", plant).status == 0
     assert "stroke_curve" not in plant.read_text(encoding="utf-8")
-    screened = stemwatch(
-        "screen", "--plant", plant, "--out", tmp_path / "out", "--json", results, "--workers", 1
-    )
-    assert screened.status == 0, screened.said
-    (valve,) = json.loads(results.read_text(encoding="utf-8"))
+    valve = the_valve_screened(stemwatch, plant)
     assert valve["verdict"] == "sticky"
     assert "4 to 20 mA" in " ".join(valve["provenance"]["decisions"])
 
@@ -135,12 +138,7 @@ def test_a_curve_from_op_to_stroke_is_proposed_and_used(stemwatch, tmp_path: Pat
     op = np.linspace(70.0, 80.0, 9)
     np.testing.assert_allclose(curve.command(op), 2.0 * (op - 50.0), atol=2.5)
 
-    results = tmp_path / "found.json"
-    screened = stemwatch(
-        "screen", "--plant", plant, "--out", tmp_path / "out", "--json", results, "--workers", 1
-    )
-    assert screened.status == 0, screened.said
-    (valve,) = json.loads(results.read_text(encoding="utf-8"))
+    valve = the_valve_screened(stemwatch, plant)
     assert valve["verdict"] == "sticky"
     assert "The plant file gives this curve." in " ".join(valve["provenance"]["decisions"])
     assert valve["mismatch"]["stroke_curve"]["proposal"] == ""
