@@ -2,13 +2,15 @@
 
     python tests/benchmarks/bench_without_position.py --recordings FOLDER
 
-Judges the loops of ``isdb`` and ``refinery`` with the networks that screening uses. The labels are
-used for this comparison only.
+Judges the loops of ``isdb`` and ``refinery`` with the networks that screening uses, each recording
+by itself and then the recordings of a valve together, as screening does. The labels are used for
+this comparison only.
 """
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +19,11 @@ import pandas as pd
 import stemwatch as sw
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.without_position.features import NAMES
+from stemwatch.models.without_position.several_recordings import log_odds_together, of_loop
 from stemwatch.models.without_position.suspicion import (
     Judge,
     Suspicion,
+    WithoutPosition,
     look_at_loop,
     trained_judge,
 )
@@ -28,8 +32,17 @@ from stemwatch.service.studies.roc import area_under_roc
 GAIN = NAMES.index("gain of both at 25 to a period")
 
 
-def isdb(folder: Path) -> list[tuple[bool, Recording]]:
-    """Whether each loop sticks by its label, and its signals."""
+@dataclass(frozen=True)
+class Labelled:
+    """A recording, the valve that it is of, and whether that sticks by its label."""
+
+    valve: str
+    sticks: bool
+    recording: Recording
+
+
+def isdb(folder: Path) -> list[Labelled]:
+    """The loops of the stiction data base, one recording of each."""
     loops = []
     for row in pd.read_csv(folder / "labels.csv").itertuples():
         columns = pd.read_csv(folder / str(row.file))
@@ -38,23 +51,23 @@ def isdb(folder: Path) -> list[tuple[bool, Recording]]:
             for role in (Role.OP, Role.PV, Role.SP)
         }
         recording = Recording(valve=str(row.loop), signals=signals, interval_s=1.0)
-        loops.append((str(row.label) == "stiction", recording))
+        loops.append(Labelled(str(row.loop), str(row.label) == "stiction", recording))
     return loops
 
 
-def refinery(folder: Path) -> list[tuple[bool, Recording]]:
-    """The same of a refinery's recordings."""
+def refinery(folder: Path) -> list[Labelled]:
+    """A refinery's loops, of some several recordings, in the order of their labels."""
     labels = pd.read_csv(folder / "labels.csv")
     return [
-        (str(row.label) == "stiction", sw.read(folder / str(row.file)))
+        Labelled(str(row.tag), str(row.label) == "stiction", sw.read(folder / str(row.file)))
         for row in labels.itertuples()
     ]
 
 
-def report(name: str, loops: list[tuple[bool, Recording]], judge: Judge) -> None:
-    """One line for each set of loops."""
-    sticks = np.array([label for label, _ in loops])
-    seen = [look_at_loop(recording) for _, recording in loops]
+def report(name: str, loops: list[Labelled], judge: Judge) -> None:
+    """What is said of the recordings of one set, each by itself."""
+    sticks = np.array([loop.sticks for loop in loops])
+    seen = [look_at_loop(loop.recording) for loop in loops]
     sentences = [judge.says(item) for item in seen]
     score = np.array([item.score or 0.0 for item in sentences])
     gain = np.array([0.0 if item.shown is None else item.shown.values[GAIN] for item in seen])
@@ -70,6 +83,31 @@ def report(name: str, loops: list[tuple[bool, Recording]], judge: Judge) -> None
     seen_at_all = np.array([item.score is not None for item in sentences])
     with_score = area_under_roc(score[sticks & seen_at_all], score[~sticks & seen_at_all])
     print(f"  AUC of the {seen_at_all.sum()} with a score {with_score:.2f}")
+    if len({loop.valve for loop in loops}) < len(loops):
+        by_valve(loops, sentences)
+
+
+def by_valve(loops: list[Labelled], sentences: list[WithoutPosition]) -> None:
+    """What the recordings of each valve say together."""
+    of_valve: dict[str, list[WithoutPosition]] = {}
+    for loop, sentence in zip(loops, sentences, strict=True):
+        of_valve.setdefault(loop.valve, []).append(sentence)
+    labels = {loop.valve: loop.sticks for loop in loops}
+    sticks = np.array([labels[valve] for valve in of_valve])
+    together = [of_loop(answers[-1], answers[-2::-1]) for answers in of_valve.values()]
+    print(f"  by valve: {sticks.sum()} labelled as sticking, {np.sum(~sticks)} otherwise")
+    for verdict in Suspicion:
+        is_it = np.array([answer.verdict is verdict for answer in together])
+        print(f"    {verdict.value}: {np.sum(is_it & sticks)} and {np.sum(is_it & ~sticks)}")
+    scores = [
+        [answer.score for answer in answers if answer.score is not None]
+        for answers in of_valve.values()
+    ]
+    with_score = np.array([bool(found) for found in scores])
+    odds = np.array([log_odds_together(found) if found else -np.inf for found in scores])
+    of_all = area_under_roc(odds[sticks], odds[~sticks])
+    of_scored = area_under_roc(odds[sticks & with_score], odds[~sticks & with_score])
+    print(f"    AUC {of_all:.2f}, of the {with_score.sum()} with a score {of_scored:.2f}")
 
 
 def main() -> None:
