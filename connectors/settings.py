@@ -6,7 +6,6 @@ Each field's description is what an error says was expected.
 
 from __future__ import annotations
 
-import codecs
 import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -67,19 +66,24 @@ class TomlTable(BaseModel):
     )
 
 
-def _known_zone(zone: str) -> str:
+def known_zone(zone: str) -> str:
+    """``zone`` as it is. Raises ``ValueError``, which says what is expected, for an unknown one."""
     try:
         ZoneInfo(zone)
     except (KeyError, ValueError, OSError):
+        # EST comes close to CEST and is six hours away: places alone are proposed.
+        places = (name for name in available_timezones() if "/" in name)
         raise ValueError(
-            "an IANA time zone such as Europe/Berlin" + nearest(zone, available_timezones())
+            "an IANA time zone such as Europe/Berlin" + nearest(zone, places)
         ) from None
     return zone
 
 
-def _known_encoding(encoding: str) -> str:
+def known_encoding(encoding: str) -> str:
+    """``encoding`` as it is. Raises ``ValueError``, which says what is expected, for an unknown one
+    and for a codec that is not one of text, such as ``hex``."""
     try:
-        codecs.lookup(encoding)
+        "a".encode(encoding)
     except (LookupError, ValueError):
         raise ValueError("an encoding that Python knows, such as utf-8 or cp1252") from None
     return encoding
@@ -93,8 +97,8 @@ def _one_line(text: str) -> str:
 
 Text = Annotated[str, AfterValidator(_one_line)]
 Name = Annotated[Text, Field(min_length=1, max_length=200)]
-Zone = Annotated[str, AfterValidator(_known_zone)]
-Encoding = Annotated[str, AfterValidator(_known_encoding)]
+Zone = Annotated[str, AfterValidator(known_zone)]
+Encoding = Annotated[str, AfterValidator(known_encoding)]
 Positive = Annotated[float, Field(gt=0)]
 # Ten years at most: what is subtracted from a time must not lead out of the calendar.
 LONGEST_S = 10 * 366 * 86_400.0

@@ -51,7 +51,8 @@ def find_sources(patterns: Iterable[str | Path]) -> FoundSources:
     """The recordings that ``patterns`` name: files, folders (searched wholly) or globs.
 
     A file that was named itself is always taken, so that reading it can say what is wrong; of a
-    folder or a glob, files that are plainly no recording are skipped with a reason. Raises
+    folder or a glob, files that are plainly no recording are skipped with a reason, and hidden ones
+    are left out. Raises
     ``UnreadableSource`` for a pattern that names nothing.
     """
     paths: dict[Path, None] = {}
@@ -73,16 +74,16 @@ def find_sources(patterns: Iterable[str | Path]) -> FoundSources:
 def _matches(pattern: str | Path) -> list[Path]:
     path = Path(pattern)
     if path.is_dir():
-        paths = [p for p in path.rglob("*") if p.is_file() and _has_ending(p)]
-    elif path.exists():
-        paths = [path]
-    else:
-        paths = [Path(p) for p in glob.glob(str(pattern), recursive=True) if Path(p).is_file()]
-    if not paths and not path.is_dir():
+        files = (p for p in path.rglob("*") if p.is_file() and _has_ending(p))
+        return [p for p in files if not p.name.startswith(".")]
+    if path.exists():
+        return [path]
+    paths = [Path(p) for p in glob.glob(str(pattern), recursive=True) if Path(p).is_file()]
+    if not paths:
         raise UnreadableSource(
             f"{pattern}: no such file, folder or pattern; expected for example exports/*.csv"
         )
-    return [p for p in paths if not any(part.startswith(".") for part in p.parts[-1:])]
+    return paths
 
 
 def _why_nothing(folder: Path) -> str:

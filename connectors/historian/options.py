@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import codecs
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any, Literal, get_args
-from zoneinfo import ZoneInfo
+
+from stemwatch.connectors.settings import known_encoding, known_zone
 
 AmbiguousHour = Literal["infer", "first", "second"]
 MissingHour = Literal["shift", "leave_out"]
@@ -57,10 +58,8 @@ class ReadOptions:
             raise ValueError(f"separator must be one character, received {self.separator!r}")
         if self.interval_s is not None and not 0 < self.interval_s < float("inf"):
             raise ValueError(f"interval_s must be positive, received {self.interval_s}")
-        if self.zone is not None:
-            _check_zone(self.zone)
-        if self.encoding is not None:
-            _check_encoding(self.encoding)
+        _check_known("zone", self.zone, known_zone)
+        _check_known("encoding", self.encoding, known_encoding)
 
 
 def given_options(options: ReadOptions) -> dict[str, Any]:
@@ -75,19 +74,10 @@ def _check_policy(name: str, value: object, allowed: tuple[object, ...]) -> None
         raise ValueError(f"{name} must be one of {allowed}, received {value!r}")
 
 
-def _check_zone(zone: str) -> None:
+def _check_known(name: str, value: str | None, known: Callable[[str], str]) -> None:
+    if value is None:
+        return
     try:
-        ZoneInfo(zone)
-    except (KeyError, ValueError, OSError) as error:
-        raise ValueError(
-            f"zone {zone!r} is not an IANA zone name; expected one such as 'Europe/Berlin'"
-        ) from error
-
-
-def _check_encoding(encoding: str) -> None:
-    try:
-        codecs.lookup(encoding)
-    except LookupError as error:
-        raise ValueError(
-            f"encoding {encoding!r} is not known; expected one such as 'utf-8' or 'cp1251'"
-        ) from error
+        known(value)
+    except ValueError as error:
+        raise ValueError(f"{name} {value!r} is not known; expected {error}") from None

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated
-from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+from zoneinfo import ZoneInfo
 
 import typer
 
@@ -108,12 +108,12 @@ def instant(text: str, zone: str, option: str) -> datetime | None:
 
 
 def _zone(zone: str) -> ZoneInfo:
+    from stemwatch.connectors.settings import known_zone
+
     try:
-        return ZoneInfo(zone or "UTC")
-    except (ZoneInfoNotFoundError, ValueError) as error:
-        raise typer.BadParameter(
-            f"{zone!r} is not an IANA zone name such as Europe/Berlin", param_hint="--zone"
-        ) from error
+        return ZoneInfo(known_zone(zone or "UTC"))
+    except ValueError as error:
+        raise typer.BadParameter(f"found {zone!r}; expected {error}", param_hint="--zone") from None
 
 
 def names_that_hold(

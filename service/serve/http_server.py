@@ -19,7 +19,7 @@ from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from stemwatch.service.logs import OnceAMinute
-from stemwatch.service.web.auth.peer import keeping_peer
+from stemwatch.service.web.auth.proxy_user import keeping_peer
 
 log = logging.getLogger(__name__)
 

@@ -12,7 +12,10 @@ WRONG = {
     "position without command": (("x.csv", "--mv", "ZT"), "the controller output is needed: --op"),
     "no such plant file": (("--plant", "gone.toml"), "there is no file gone.toml"),
     "not a time": (("x.csv", "--from", "yesterday"), "'yesterday' is not a time; expected ISO"),
-    "not a zone": (("x.csv", "--from", "2026-03-02", "--zone", "CEST"), "'CEST' is not an IANA"),
+    "not a zone": (
+        ("x.csv", "--from", "2026-03-02", "--zone", "CEST"),
+        "zone 'CEST' is not known; expected an IANA time zone such as Europe/Berlin",
+    ),
     "window backwards": (
         ("x.csv", "--from", "2026-03-03", "--to", "2026-03-02"),
         "--from 2026-03-03 00:00:00+00:00 is not before --to 2026-03-02 00:00:00+00:00",

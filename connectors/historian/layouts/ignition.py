@@ -40,11 +40,7 @@ class Ignition:
             RawColumn(tag=names[i].strip(), cells=cells[i]) for i in range(len(names)) if i != time
         ]
         promised = source.document.lines[mark].strip('"').partition(",")[2].strip(' "')
-        if promised.isdigit() and int(promised) != len(body.numbers):
-            source.notes.problem(
-                f"line {mark + 1} promises {promised} rows, {len(body.numbers)} were read; the "
-                "file may be cut"
-            )
+        source.compare_with_promised(mark + 1, promised, len(body.numbers))
         return RawTable(
             layout="Ignition CSV with #NAMES",
             times=RawTimes(texts=cells[time], name=names[time]),

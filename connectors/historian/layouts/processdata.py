@@ -45,7 +45,8 @@ class ProcessData:
             for i in range(1, len(tags))
             if tags[i] not in _FLAGS.values() and i in cells
         ]
-        self._check_line_two(source, lines[1], len(body.numbers))
+        promised = lines[1].split("\t")
+        source.compare_with_promised(2, "".join(promised[3:4]), len(body.numbers))
         return RawTable(
             layout="PROCESSDATA export (.MV is the controller output, flagged values are held)",
             times=RawTimes(texts=cells.get(0, []), name="time"),
@@ -64,13 +65,6 @@ class ProcessData:
         return RawColumn(
             tag=tags[i], description=descriptions[i], cells=cells[i], held=repeat_flags
         )
-
-    def _check_line_two(self, source: LayoutInput, line: str, rows: int) -> None:
-        parts = line.split("\t")
-        if len(parts) > 3 and parts[3].strip().isdigit() and int(parts[3]) != rows:
-            source.notes.problem(
-                f"line 2 promises {parts[3].strip()} rows, {rows} were read; the file may be cut"
-            )
 
 
 LAYOUT = ProcessData()

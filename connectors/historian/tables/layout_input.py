@@ -93,6 +93,14 @@ class LayoutInput:
         ]
         return Body(columns or [[] for _ in range(width)], data_rows.numbers)
 
+    def compare_with_promised(self, line: int, promised: str, rows: int) -> None:
+        """Note a problem where ``line`` of the file says another number of rows than were read."""
+        promised = promised.strip()
+        if promised.isdecimal() and len(promised) < 19 and int(promised) != rows:
+            self.notes.problem(
+                f"line {line} promises {promised} rows, {rows} were read; the file may be cut"
+            )
+
     @staticmethod
     def _without_comments(lines: Sequence[str], comment: str) -> Sequence[str]:
         return ["" if line.startswith(comment) else line for line in lines] if comment else lines

@@ -164,11 +164,13 @@ def _pair_positions(candidates: list[Candidate]) -> list[Candidate]:
 
 
 def _pair_transmitters(candidates: list[Candidate]) -> list[Candidate]:
-    """``FIT-400B/AI1/OUT`` is the measurement of ``FIC-400B``."""
+    """``FIT-400B/AI1/OUT`` is the measurement of ``FIC-400B``; a name without letters and number
+    has nothing in common with another."""
     outputs = {candidate.valve for candidate in candidates if candidate.role is Role.OP}
     by_instrument: dict[str, list[str]] = {}
     for valve in outputs:
-        by_instrument.setdefault(instrument(valve), []).append(valve)
+        if name := instrument(valve):
+            by_instrument.setdefault(name, []).append(valve)
     out = []
     for candidate in candidates:
         same_instrument = by_instrument.get(instrument(candidate.valve), [])

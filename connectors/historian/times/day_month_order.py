@@ -115,7 +115,7 @@ def _decide_by_spacing(
 
 
 def _even(reading: tuple[Ints, Bools]) -> bool:
-    """In order, over more than one day, and no step longer than a day or ten usual steps."""
+    """In order, over more than one day, and no step longer than an hour or ten usual steps."""
     ns, ok = reading
     times = ns[ok]
     steps = np.diff(times)

@@ -96,7 +96,7 @@ def _written(table: RawTable, options: ReadOptions, name: str, notes: ReadingNot
     instants = None
     if options.time_format is not None:
         notes.use("time_format")
-        instants = _by_format(texts, options.time_format, table, options, notes)
+        instants = _by_format(texts, options.time_format, table, options, name, notes)
     elif are_times_of_day(texts):
         ns, ok = times_of_day(list(texts), _groups(table), table.times.name, notes)
         instants = Instants(ns=ns, ok=ok, in_utc=False, zone="The times have no date.")
@@ -260,10 +260,12 @@ def _numeric(
 def _epoch(texts: Sequence[str], numbers: Floats, ok: Bools, ns_each: float) -> Instants:
     whole_numbers = np.floor(np.where(ok, numbers, 0.0))
     fraction = np.where(ok, numbers, 0.0) - whole_numbers
-    # A double holds 2**53 exactly; nanoseconds since 1970 need integers of their own.
+    # A double holds 2**53 exactly; nanoseconds since 1970 need integers of their own. With a point
+    # or an exponent the file itself has no more than a double: right to 256 ns.
     if ns_each == 1.0:
+        rows = zip(texts, ok.tolist(), whole_numbers.tolist(), strict=True)
         whole_ns = np.array(
-            [int(t) if good and t.isdigit() else 0 for t, good in zip(texts, ok, strict=True)],
+            [int(text) if good and text.isdecimal() else int(whole) for text, good, whole in rows],
             dtype=np.int64,
         )
     else:
@@ -366,13 +368,20 @@ def _by_format(
     time_format: str,
     table: RawTable,
     options: ReadOptions,
+    name: str,
     notes: ReadingNotes,
 ) -> Instants:
     import pandas as pd
 
     aware = "%z" in time_format
-    index = pd.to_datetime(pd.Series(texts, dtype=object), format=time_format, errors="coerce",
-                           utc=aware)  # fmt: skip
+    column = pd.Series(texts, dtype=object)
+    try:
+        index = pd.to_datetime(column, format=time_format, errors="coerce", utc=aware)
+    except ValueError as error:
+        raise UnreadableSource(
+            f"{name}: time_format = {time_format!r} cannot be used ({error}); expected a format "
+            "such as '%d.%m.%Y %H:%M:%S' (--time-format on the command line)"
+        ) from None
     ok = np.asarray(index.notna())
     local = index.dt.tz_localize(None) if aware else index
     ns = local.dt.as_unit("ns").fillna(pd.Timestamp(0)).to_numpy().astype(np.int64)

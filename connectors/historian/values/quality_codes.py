@@ -150,5 +150,5 @@ def looks_like_codes(codes: Sequence[str]) -> bool:
     if not distinct or len(distinct) > 12:
         return False
     words = sum(code in _GOOD_WORDS or code in _BAD_WORDS for code in distinct)
-    numbers = sum(code.isdigit() and int(code) <= 255 for code in distinct)
+    numbers = sum(len(code) <= 3 and code.isdecimal() and int(code) <= 255 for code in distinct)
     return words > 0 or numbers == len(distinct)

@@ -1,8 +1,10 @@
 """Sign-in by a header of a trusted proxy (single sign-on): off unless the plant file names the
 header and the trusted proxies.
 
-The proxy is recognised by the address of the connection itself, never by headers of the request. A
-request with the user header twice names nobody.
+The proxy is recognised by the address of the connection itself, never by headers of the request.
+That address is kept before ``X-Forwarded-For`` of a trusted proxy replaces the client's
+(``keeping_peer``): afterwards nobody can tell whether the connection came from the proxy. A request
+with the user header twice names nobody.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from collections.abc import Sequence
 from datetime import datetime, timedelta
 
 from starlette.requests import cookie_parser
-from starlette.types import Scope
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from stemwatch.service.access.links import BadName, check_name
 from stemwatch.service.access.permissions import CurrentUser
@@ -22,17 +24,28 @@ from stemwatch.service.store.accounts.records import AuditEntry, User, UserRole
 from stemwatch.service.store.accounts.users import NameTaken
 from stemwatch.service.store.store import Store
 from stemwatch.service.web.auth import forms
-from stemwatch.service.web.auth.peer import peer_of
 
 log = logging.getLogger(__name__)
 
 HOW = "proxy"
 NO_PASSWORD = "none: signed in by a proxy"  # no hash, so that no password fits it
 NOTED_EVERY = timedelta(hours=1)  # resolution of the last sign-in, to avoid a write per request
+_PEER = "stemwatch.peer"  # key of a request's scope
 
 
 class NotAUser(Exception):
     """The proxy names somebody without access; the text says who and what to do."""
+
+
+def keeping_peer(app: ASGIApp) -> ASGIApp:
+    """``app``, told of each request from which address its connection came."""
+
+    async def with_peer(scope: Scope, receive: Receive, send: Send) -> None:
+        client = scope.get("client")
+        scope[_PEER] = str(client[0]) if client else ""
+        await app(scope, receive, send)
+
+    return with_peer
 
 
 class ProxySignIn:
@@ -54,11 +67,11 @@ class ProxySignIn:
         named = [value for key, value in scope["headers"] if key.lower() == self._header]
         if not self._header or not named:
             return None
-        if not self._trusts(peer_of(scope)):
+        if not self._trusts(_peer_of(scope)):
             log.warning(
                 "%s sends the header %s and is not believed: it is not in trusted_proxies of "
                 "[service]",
-                peer_of(scope) or "an unknown address",
+                _peer_of(scope) or "an unknown address",
                 self._header.decode(),
             )
             return None
@@ -67,7 +80,7 @@ class ProxySignIn:
                 "The proxy names two users in one request: it must replace the header "
                 f"{self._header.decode()} that comes from outside, not add to it."
             )
-        user = self._known_user(store, _text(named[0]), peer_of(scope), now)
+        user = self._known_user(store, _text(named[0]), _peer_of(scope), now)
         if user.last_login is None or now - user.last_login >= NOTED_EVERY:
             store.accounts.note_login(user.id, now)
         cookies = b"; ".join(value for key, value in scope["headers"] if key.lower() == b"cookie")
@@ -132,3 +145,8 @@ def _text(value: bytes) -> str:
         return value.decode("utf-8").strip()
     except UnicodeDecodeError:
         return ""
+
+
+def _peer_of(scope: Scope) -> str:
+    """The address of the connection; empty where the server did not keep it."""
+    return str(scope.get(_PEER, ""))

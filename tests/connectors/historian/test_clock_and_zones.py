@@ -187,6 +187,26 @@ def test_a_given_time_format_is_used(open_text) -> None:
     assert recording.start == datetime(2026, 1, 9, 6, tzinfo=UTC)
 
 
+@pytest.mark.parametrize("time_format", ["%Q", "%"])
+def test_a_time_format_that_is_none_is_said(open_text, time_format: str) -> None:
+    """A mistyped format is an error that says what a format looks like."""
+    times = local(datetime(2026, 1, 5, tzinfo=UTC), 9, 1)
+    source = open_text(wide(times), options=ReadOptions(time_format=time_format))
+    with pytest.raises(UnreadableSource, match=r"loop\.csv: time_format = .* expected a format"):
+        source.tags()
+
+
+@pytest.mark.parametrize("form", ["{}", "{}.0", "+{}", "{:.18e}"])
+def test_nanoseconds_since_1970_are_dates_however_they_are_written(open_text, form: str) -> None:
+    """With a point, a sign or an exponent too, which tables write for large numbers."""
+    first = 1_767_592_800_000_000_000
+    texts = [form.format(first + row * 1_000_000_000) for row in range(50)]
+    recording = open_text(wide(texts)).read(OP)
+    assert recording.start is not None
+    assert abs((recording.start - datetime(2026, 1, 5, 6, tzinfo=UTC)).total_seconds()) < 1e-6
+    assert (recording.interval_s, len(recording)) == (1.0, 50)
+
+
 def seconds(times: list[float]) -> str:
     return "t_s,OP\n" + "".join(f"{time},{i}\n" for i, time in enumerate(times))
 

@@ -74,6 +74,16 @@ def test_processdata_cut_short_says_so(open_text) -> None:
     assert any("promises 4 rows, 2 were read" in text for text in source.inspect().problems)
 
 
+def test_a_promise_of_rows_that_is_no_number_is_none(open_text) -> None:
+    """A damaged count is not compared, and costs no row."""
+    damaged = PROCESSDATA.replace("\t4\r\n", "\t²\r\n", 1)
+    assert damaged != PROCESSDATA
+    assert open_text(damaged, "x.txt").inspect().problems == ()
+    rows = "".join(f"2026-01-05 06:00:{i:02d},{i}\n" for i in range(20))
+    ignition = f"#NAMES\nt_stamp,A/OP\n#TYPES\ndate,D\n#ROWS,²\n{rows}"
+    assert open_text(ignition).inspect().problems == ()
+
+
 def test_processdata_without_tags_names_the_line(open_text) -> None:
     """A broken header names line 3 and what was expected there."""
     with pytest.raises(UnreadableSource, match="line 3: expected 'tagname'"):

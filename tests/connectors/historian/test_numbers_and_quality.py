@@ -177,6 +177,15 @@ def quality_file(codes: list[str], values: list[str] | None = None) -> str:
 A = ValveTags(valve="A", tags={Role.OP: TagMapping(tag="A")})
 
 
+@pytest.mark.parametrize("sign", ["²", "9" * 5000])
+def test_a_sign_that_is_only_like_a_number_is_no_quality_code(open_text, sign: str) -> None:
+    """A raised digit, or more digits than any code has, is bad beside a value; the rest is read."""
+    codes = ("good", sign) * 15
+    rows = (f"2026-01-13T06:00:{i:02d}Z,{i},{code}\n" for i, code in enumerate(codes))
+    source = open_text("Time,A,A_status\n" + "".join(rows))
+    assert source.read(A).op.quality.tolist() == [Quality.GOOD, Quality.BAD] * 15
+
+
 def test_bare_quality_of_small_codes_is_not_guessed(open_text) -> None:
     """0 and 1 with values beside both are refused, with the option that settles it."""
     text = quality_file(["0", "1", "0", "1"])
@@ -368,8 +377,15 @@ def test_mode_words_become_automatic_manual_or_masked(open_text) -> None:
 @pytest.mark.parametrize(
     ("field", "value", "expected"),
     [
-        ("zone", "Mars/Olympus", "not an IANA zone name"),
-        ("encoding", "klingon", "is not known"),
+        (
+            "zone",
+            "Europe/Berln",
+            r"is not known; expected an IANA .* \(did you mean 'Europe/Berlin'",
+        ),
+        ("zone", "CEST", "is not known; expected an IANA time zone such as Europe/Berlin$"),
+        ("encoding", "klingon", "is not known; expected an encoding"),
+        ("encoding", "rot13", "is not known; expected an encoding"),
+        ("encoding", "undefined", "is not known; expected an encoding"),
         ("separator", ";;", "one character"),
         ("interval_s", 0.0, "must be positive"),
         ("ambiguous_hour", "guess", "must be one of"),

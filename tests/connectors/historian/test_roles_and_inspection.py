@@ -107,6 +107,20 @@ def test_position_transmitter_is_paired_by_number() -> None:
     ]
 
 
+@pytest.mark.parametrize(("loop", "other"), [("Boiler", "Kettle"), ("fic-101", "tic-205")])
+def test_another_loops_measurement_is_not_taken_for_a_name_without_an_instrument(
+    loop: str, other: str
+) -> None:
+    """Names without letters and number have nothing in common, so that each keeps its own PV."""
+    tags = (f"{loop}.OP", f"{loop}.PV", f"{other}.PV")
+    found = propose_roles([(tag, "", "", None) for tag in tags], stem="f", mv_is_output=False)
+    assert [(item.role, item.valve) for item in found] == [
+        (Role.OP, loop),
+        (Role.PV, loop),
+        (Role.PV, other),
+    ]
+
+
 def export() -> str:
     rng = np.random.default_rng(3)
     rows = []

@@ -41,6 +41,11 @@ def test_glob_and_file_name_each_file_once(folder: Path) -> None:
     assert skipped == []
 
 
+def test_a_hidden_file_is_taken_where_it_is_named(folder: Path) -> None:
+    """What a folder leaves out a person can still ask for by name."""
+    assert find_sources([folder / ".hidden.csv"]) == ([folder / ".hidden.csv"], [])
+
+
 def test_a_pattern_that_names_nothing_is_an_error(tmp_path: Path) -> None:
     """A pattern that names nothing is an error that says what was expected."""
     with pytest.raises(UnreadableSource, match="no such file, folder or pattern"):
