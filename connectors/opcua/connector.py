@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -46,10 +46,11 @@ class OpcUaAddress(OpcUaServer):
     """A server, as it is sent to the worker that reads it; an ``ArchiveAddress``.
 
     ``before_s`` seconds before each window are read too, because servers keep values when they
-    change.
+    change. ``good`` are names of status codes that are taken as good.
     """
 
     before_s: float = 3600.0
+    good: tuple[str, ...] = ()
 
     def open(self) -> OpcUaArchive:
         """The archive; no connection is made yet."""
@@ -102,6 +103,8 @@ class OpcUaSettings(ArchiveSettings):
         if self.user is not None and (self.secret_variable is None) == (self.secret_file is None):
             found_text = "a user without one place for the password"
             raise contradiction(("user",), found_text, "secret_variable or secret_file as well")
+        if self.user is None and (self.secret_variable or self.secret_file):
+            raise contradiction(("user",), "nothing beside a password", "the name to log in with")
         return self
 
     def address(self, folder: Path, zone: str | None) -> ArchiveAddress:
@@ -125,6 +128,7 @@ class OpcUaSettings(ArchiveSettings):
             timeout_s=self.timeout_s,
             page=self.page,
             before_s=3600.0 if self.before_s is None else self.before_s,
+            good=tuple(self.good_quality or ()),
         )
 
 
@@ -213,7 +217,7 @@ class OpcUaArchive:
         ns = np.array([ns_of(time) for time in history.times], dtype=np.int64)
         values = np.array([_number(value) for value in history.values], dtype=np.float64)
         codes = np.array(history.statuses, dtype=np.int64)
-        bad = is_bad(codes)
+        bad = is_bad(codes) & ~np.isin(codes, _codes_of(history, self.address.good))
         reasons = Counter(history.names[code] for code in codes[bad].tolist())
         column = number_column(
             tag,
@@ -233,6 +237,11 @@ def is_bad(codes: NDArray[np.int64]) -> Bools:
     calculated the value, which is then no measurement."""
     made_up = (codes & _DESCRIBES_VALUE != 0) & (codes & (_INTERPOLATED | _CALCULATED) != 0)
     return np.asarray((codes & _SEVERITY != 0) | made_up)
+
+
+def _codes_of(history: History, names: Collection[str]) -> list[int]:
+    """The status codes of ``history`` that have one of ``names``."""
+    return [code for code, name in history.names.items() if name in names]
 
 
 def _number(value: object) -> float:

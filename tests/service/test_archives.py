@@ -292,6 +292,10 @@ def test_an_archive_folder_on_the_command_line_is_screened(
             'kind = "opcua"\nurl = "opc.tcp://x"\nuser = "reader"',
             "a user without one place for the password",
         ),
+        (
+            'kind = "opcua"\nurl = "opc.tcp://x"\nsecret_variable = "PASSWORD"',
+            "user: found nothing beside a password; expected the name to log in with",
+        ),
     ],
 )
 def test_mistakes_in_an_archive_are_told_with_their_line(

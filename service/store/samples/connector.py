@@ -3,33 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import timedelta
 
 import numpy as np
 
-from stemwatch.connectors.archive.valve_columns import bounds_of
+from stemwatch.connectors.archive.valve_columns import ValveColumns
 from stemwatch.connectors.connector import (
     WHOLE,
     ConnectorError,
-    MappingNeeded,
     TagInfo,
-    TagMapping,
     UnknownTag,
     ValveTags,
     Window,
     nearest_names,
 )
-from stemwatch.connectors.historian.times.source_clock import (
-    Grid,
-    clock_facts,
-    lay_column,
-    make_grid,
-)
+from stemwatch.connectors.historian.recordings import assemble, need_op
 from stemwatch.connectors.historian.times.timeline import Timeline
-from stemwatch.connectors.historian.values.columns import Column, sharing_times
-from stemwatch.models.recording import PERCENT, Provenance, Recording, Role, Signal
+from stemwatch.connectors.historian.values.columns import Column
+from stemwatch.models.recording import Recording, Role
 from stemwatch.service.store.samples.samples import SampleStore, StoredTag
-from stemwatch.service.store.samples.tables import EPOCH
 
 LAYOUT = "samples in the store"
 
@@ -37,8 +28,8 @@ LAYOUT = "samples in the store"
 class StoredSamples:
     """The samples of one source in the store; implements ``Connector``.
 
-    Samples are laid on the even clock of OP, each at the nearest instant; values reported only on
-    change are held until the next one, as in exports. ``describe`` names the store in messages.
+    A recording is made of them by the rules of exports and archives: one even clock, percent,
+    doubts as sentences. ``describe`` names the store in messages.
     """
 
     def __init__(self, samples: SampleStore, source: str, describe: str = "the store") -> None:
@@ -56,26 +47,23 @@ class StoredSamples:
         Raises ``MappingNeeded`` without a tag for OP, ``UnknownTag`` for a tag that never had a
         sample and ``ConnectorError`` where the window holds too few.
         """
-        if Role.OP not in valve.tags:
-            raise MappingNeeded(f"{self._where}: {valve.valve}: no tag is given for OP")
+        need_op(self._where, valve)
         stored_tags = {tag.name: tag for tag in self._samples.tags(self.source)}
-        columns = sharing_times(
-            {role: self._column(tag.tag, stored_tags, window) for role, tag in valve.tags.items()}
-        )
-        grid = self._grid(columns[Role.OP], window)
-        notes = [f"The samples come from the store, where {self.source} was collected."]
-        signals = {
-            role: _signal(column, valve.tags[role], grid, role, notes)
-            for role, column in columns.items()
+        columns = {
+            mapping.tag: self._column(mapping.tag, stored_tags, window)
+            for mapping in valve.tags.values()
         }
-        return Recording(
-            valve=valve.valve,
-            signals=signals,
-            interval_s=grid.interval_s,
-            start=EPOCH + timedelta(microseconds=round(grid.start_ns / 1000)),
-            clock=clock_facts(columns[Role.OP].file_ns, "stored in UTC"),
-            provenance=Provenance(source=self._where, layout=LAYOUT, decisions=tuple(notes)),
+        op = columns[valve.tags[Role.OP].tag]
+        if not np.isfinite(op.values).any():
+            raise ConnectorError(self._why_no_samples(op, window))
+        collected = ValveColumns(
+            source_name=self._where,
+            layout=LAYOUT,
+            columns=columns,
+            zone="stored in UTC",
+            decisions=(f"The samples come from the store, where {self.source} was collected.",),
         )
+        return assemble(collected, valve, window)
 
     def _column(self, tag: str, tags_by_name: dict[str, StoredTag], window: Window) -> Column:
         if tag not in tags_by_name:
@@ -97,11 +85,6 @@ class StoredSamples:
             file_ns=ns,
         )
 
-    def _grid(self, op: Column, window: Window) -> Grid:
-        if not np.isfinite(op.values).any():
-            raise ConnectorError(self._why_no_samples(op, window))
-        return make_grid(op.times, op.tag, self._where, bounds_of(window))
-
     def _why_no_samples(self, op: Column, window: Window) -> str:
         bounds = self._samples.bounds(self.source, op.tag)
         stored_span = (
@@ -115,26 +98,3 @@ class StoredSamples:
             f"{self._where}: {op.tag}: no good sample of the controller output from "
             f"{window.start} to {window.stop}; {stored_span}{f'. Bad: {bad}' if bad else ''}"
         )
-
-
-def _signal(
-    column: Column, mapping: TagMapping, grid: Grid, role: Role, notes: list[str]
-) -> Signal:
-    on_grid = lay_column(column, grid, is_clock=role is Role.OP)
-    if on_grid.decision:
-        notes.append(on_grid.decision)
-    values, unit = on_grid.values, mapping.unit or column.unit
-    if role is not Role.MODE and mapping.low is not None and mapping.high is not None:
-        values = 100.0 * (values - mapping.low) / (mapping.high - mapping.low)
-        unit = PERCENT
-    elif not unit and role in (Role.OP, Role.MV):
-        notes.append(f"{column.tag}: no unit is known; the values were taken as percent.")
-        unit = PERCENT
-    return Signal(
-        values=values,
-        quality=on_grid.quality,
-        tag=column.tag,
-        unit=unit,
-        range=mapping.process_range(column.unit),
-        scaled=mapping.scales,
-    )

@@ -29,7 +29,7 @@ from stemwatch.connectors.connector import (
 )
 from stemwatch.connectors.historian import HistorianFile
 from stemwatch.connectors.opcua import OpcUaAddress, Security
-from stemwatch.connectors.opcua.connector import is_bad
+from stemwatch.connectors.opcua.connector import OpcUaSettings, is_bad
 from stemwatch.connectors.secret import Secret
 from stemwatch.models.recording import Quality, Role
 from tests.connectors import example_archives as made
@@ -86,6 +86,19 @@ def test_a_status_that_is_not_good_is_bad_with_its_name(served: tuple[str, Confo
     recording = OpcUaAddress(url=served[0]).open().read(made.valve(PREFIX))
     assert recording.op.quality[made.BAD] == Quality.BAD
     assert any("BadSensorFailure" in decision for decision in recording.provenance.decisions)
+
+
+@pytest.mark.parametrize("good", [[], ["UncertainLastUsableValue"]])
+def test_a_status_that_the_plant_calls_good_is_good(good: list[str]) -> None:
+    """``good_quality`` has the names of status codes; without it an uncertain value is bad."""
+    codes = [0, int(StatusCodes.UncertainLastUsableValue)] * 20
+    times = (made.START + timedelta(seconds=i) for i in range(40))
+    rows = [(time, float(i), code) for i, (time, code) in enumerate(zip(times, codes, strict=True))]
+    with serving({"FIC1.OP": rows}, most=100) as (url, _):
+        table = {"name": "s", "kind": "opcua", "url": url, "good_quality": good}
+        archive = OpcUaSettings.model_validate(table).address(Path(), None).open()
+        op = archive.read(ValveTags(valve="V", tags={Role.OP: TagMapping(tag=f"{PREFIX}OP")})).op
+    assert op.quality.tolist() == [Quality.GOOD, Quality.GOOD if good else Quality.BAD] * 20
 
 
 def test_bad_uncertain_and_calculated_statuses_are_not_good() -> None:

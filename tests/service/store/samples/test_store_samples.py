@@ -165,3 +165,26 @@ def test_what_is_not_there_is_said(store: Store) -> None:
         source.read(TAGS, late)
     with pytest.raises(MappingNeeded):
         source.read(ValveTags(valve="V", tags={Role.MV: TagMapping(tag="MV")}))
+
+
+def test_the_rules_of_exports_hold_for_collected_samples(store: Store) -> None:
+    """Raw counts are no percent, an impossible value is left out, an empty range is an error, and
+    the command is not taken for the position."""
+    store.samples.write(batch("OP", range(60), np.linspace(0.0, 27648.0, 60)))
+    values = np.full(60, 12.0)
+    values[7] = 4000.0
+    store.samples.write(batch("MV", range(60), values))
+    source = StoredSamples(store.samples, "plc")
+    no_unit = ValveTags(valve="V", tags={**TAGS.tags, Role.OP: TagMapping(tag="OP")})
+    recording = source.read(no_unit)
+    assert recording.op.unit == ""
+    assert "no unit is known and values from 0 to 27648 are no percent" in " ".join(
+        recording.provenance.decisions
+    )
+    assert np.flatnonzero(recording.mv.quality == Quality.RANGE).tolist() == [7]
+    flat = {Role.OP: TagMapping(tag="OP"), Role.MV: TagMapping(tag="MV", low=4.0, high=4.0)}
+    with pytest.raises(ConnectorError, match="give no range"):
+        source.read(ValveTags(valve="V", tags=flat))
+    twice = {Role.OP: TagMapping(tag="OP"), Role.MV: TagMapping(tag="OP")}
+    with pytest.raises(ConnectorError, match="given for both OP and MV"):
+        source.read(ValveTags(valve="V", tags=twice))
