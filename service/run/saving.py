@@ -44,6 +44,7 @@ def with_stored_context(
                     network=baseline.network,
                     note=baseline.note,
                     window=baseline.window,
+                    worked_at=None if baseline.maintenance is None else baseline.maintenance.at,
                     id=baseline.id,
                 )
             )
