@@ -201,7 +201,7 @@ def _nothing_left_of_nothing(out: Path, address: DatabaseUrl) -> Iterator[None]:
 
 
 def show(result: RunResult, ranking: Ranking, json_file: Path | None) -> None:
-    """The summary, what was left out, and where report, PDF and work orders are."""
+    """The summary, what was left out or not saved, and where report, PDF and work orders are."""
     from stemwatch.service.cli import screening_views, views
     from stemwatch.service.maintenance.write_maintenance import ORDERS_XLSX, PDF
 
@@ -215,8 +215,10 @@ def show(result: RunResult, ranking: Ranking, json_file: Path | None) -> None:
         views.out.print(line, highlight=False)
     if result.outside_window:
         views.say(result.outside_window)
-    for source, reason in (*result.not_read, *result.not_saved):
+    for source, reason in result.not_read:
         views.say(f"left out: {source}: {reason}")
+    for line in screening_views.not_saved_lines(result.not_saved):
+        views.say(line)
     if json_file is not None:
         views.write_file(json_file, result.report.json.read_bytes() + b"\n")
     for label, path in (

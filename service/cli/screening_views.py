@@ -3,7 +3,7 @@ lines on the valves without a verdict."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, tzinfo
 from typing import TYPE_CHECKING
@@ -265,9 +265,12 @@ def oscillation_lines(groups: Sequence[OscillationGroup]) -> Iterator[str]:
 
 
 def _line_of(answer: str, valves: Sequence[str], sentence: str) -> str:
-    names = ", ".join(valves[:NAMED])
+    return f"[cyan]{answer}[/] [bold]{escape(_names(valves))}[/]  {escape(sentence)}"
+
+
+def _names(valves: Sequence[str]) -> str:
     and_more = f" and {len(valves) - NAMED} more" if len(valves) > NAMED else ""
-    return f"[cyan]{answer}[/] [bold]{escape(names)}{and_more}[/]  {escape(sentence)}"
+    return f"{', '.join(valves[:NAMED])}{and_more}"
 
 
 def signal_lines(screenings: Sequence[Screening]) -> Iterator[str]:
@@ -279,3 +282,16 @@ def signal_lines(screenings: Sequence[Screening]) -> Iterator[str]:
         if seen is not None:
             tags = {role: tag for role, (tag, _) in seen.tags.items()}
             yield f"[bold]{escape(screening.valve)}[/]  {escape(signals_read(tags))}"
+
+
+def not_saved_lines(not_saved: Iterable[tuple[str, str]]) -> list[str]:
+    """A line for each reason for which results, by their valves, are not in the database: a full
+    disk takes most of a run."""
+    valves_of: dict[str, list[str]] = {}
+    for valve, reason in not_saved:
+        valves_of.setdefault(reason, []).append(valve)
+    return [
+        f"{reason}: {_names(valves)}. The report has these results; "
+        "later runs will not know of them."
+        for reason, valves in valves_of.items()
+    ]

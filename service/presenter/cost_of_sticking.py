@@ -50,8 +50,8 @@ class Prices:
 
 @dataclass(frozen=True, kw_only=True)
 class CostOfSticking:
-    """``share`` of the variance of SP - PV in percent; ``money`` a month, unknown without a
-    price."""
+    """``share`` of the variance of SP - PV in percent; ``money`` a month, unknown without a price
+    and where nobody can say that the sticking costs anything."""
 
     share: Estimate
     std: float | None
@@ -71,26 +71,28 @@ class CostOfSticking:
 
     @property
     def sentence(self) -> str:
-        """Both in one or two sentences. Where the interval of ``share`` holds zero, nobody can say
-        that a repair would help, and no size is given."""
+        """Both in one or two sentences; neither a size nor money where the cost cannot be told."""
         share = self.share
-        if share.low is not None and share.low <= 0.0:
-            said = (
+        if not can_be_told(share):
+            return (
                 "What the sticking costs this loop cannot be told: with a valve that does not "
                 "stick, the variance of SP - PV would lie between "
                 f"{_change(share.low)} and {_change(share.high)} (90 % interval)."
             )
-            money = f"In money: {self.a_month} a month."
-        else:
-            said = (
-                f"The sticking causes {_percent(share.value)} % of the variance of SP - PV "
-                f"(90 % interval {_percent(share.low)} to {_percent(share.high)} %): with a valve "
-                "that does not stick its standard deviation would be "
-                f"{figure(self.repaired.value, 2)} instead of {figure(self.std, 2)} "
-                f"{self.repaired.unit}."
-            )
-            money = f"That is {self.a_month} a month."
-        return f"{said} {money}" if self.is_money else said
+        said = (
+            f"The sticking causes {_percent(share.value)} % of the variance of SP - PV "
+            f"(90 % interval {_percent(share.low)} to {_percent(share.high)} %): with a valve "
+            "that does not stick its standard deviation would be "
+            f"{figure(self.repaired.value, 2)} instead of {figure(self.std, 2)} "
+            f"{self.repaired.unit}."
+        )
+        return f"{said} That is {self.a_month} a month." if self.is_money else said
+
+
+def can_be_told(share: Estimate) -> bool:
+    """Whether anybody can say that a repair would help: the interval of ``share`` lies above
+    zero."""
+    return share.low is None or share.low > 0.0
 
 
 def money_in_words(money: Estimate, currency: str) -> str:
@@ -109,12 +111,14 @@ def cost_of_sticking(
     share, repaired = indicators.get(SHARE), indicators.get(REPAIRED)
     if share is None or repaired is None:
         return None
-    std = indicators.get(STD)
+    std, of_variance = indicators.get(STD), _estimate(share)
     return CostOfSticking(
-        share=_estimate(share),
+        share=of_variance,
         std=None if std is None else std.value,
         repaired=_estimate(repaired),
-        money=_money(indicators, prices, currency),
+        money=_money(indicators, prices, currency)
+        if can_be_told(of_variance)
+        else Estimate.unknown("what the sticking costs this loop cannot be told", currency),
         currency=currency,
     )
 

@@ -59,6 +59,10 @@ KIND_OF = {
 # A stem that may be stuck fast ranks with the worst sticky ones until somebody has checked it.
 SEVERITY_OF = {FROZEN: 90.0, UNEXPLAINED: 45.0}
 OTHER_SEVERITY = 35.0  # an effect beside friction, or a position signal that cannot be used
+# Sticking suspected from OP and PV where the position tells nothing. At every criticality more than
+# any other loop without a position, which is to be tested after it, and no higher priority than a
+# stem that was seen to stick by the usual limit.
+SUSPECTED_SEVERITY = 60.0
 
 
 class WorkState(StrEnum):
@@ -195,7 +199,9 @@ def decide(
         verdict=verdict,
         kinds=kinds,
         no_sign=alone is not None and alone.leaves_nothing_to_do,
-        severity=severity_of(screening.verdict, screening.severity, kinds),
+        severity=severity_of(
+            screening.verdict, screening.severity, kinds, screening.without_position
+        ),
         confidence=confidence_in(verdict, screening.confidence),
         effects=effects,
         inherent=tuple(effect for effect in named_effects if effect.inherent),
@@ -275,9 +281,14 @@ def kinds_of(
     return named or (first,) if first == RECORDING else (first, *named)
 
 
-def severity_of(verdict: Verdict, measured: float | None, kinds: tuple[str, ...]) -> float:
+def severity_of(
+    verdict: Verdict,
+    measured: float | None,
+    kinds: tuple[str, ...],
+    told: WithoutPosition | None,
+) -> float:
     """0 to 100, NaN where not known: the worst of what was ``measured`` and of what ``kinds`` are
-    worth by themselves.
+    worth by themselves; without a usable position also what is ``told`` by OP and PV alone.
 
     It is the screening's own where S and J were judged; a position that cannot be trusted and an
     effect beside friction have one of their own, because the screening ranks them by what it could
@@ -286,6 +297,8 @@ def severity_of(verdict: Verdict, measured: float | None, kinds: tuple[str, ...]
     own_severities = [
         SEVERITY_OF.get(kind, OTHER_SEVERITY) for kind in kinds if _has_own_severity(kind)
     ]
+    if kinds[0] in SIGNAL and told is not None and told.verdict is Suspicion.SUSPECTED:
+        own_severities.append(SUSPECTED_SEVERITY)
     judged = finite(measured)
     if judged is not None and (verdict is not Verdict.UNDETERMINED or not own_severities):
         own_severities.append(judged)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import re
 import threading
 from collections.abc import Callable, Mapping, Sequence, Set
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -56,7 +58,8 @@ ReadTags = Callable[[Sequence[TextFile]], Sequence[TagsOrReason]]
 # The top of a text file, in which its header is looked for.
 HEADER_BYTES = 1_000_000
 HEADER_LINES = 12
-_SEPARATORS = re.compile(r"[,;\t|]")
+SEPARATORS = ",;\t|"
+_SEPARATORS = re.compile(f"[{SEPARATORS}]")
 _UNIT = re.compile(r"\s*[\[(][^\[\]()]*[\])]$")
 # A header of a wide export names several tags; a row of a narrow one names a single tag.
 FEWEST_TAGS = 2
@@ -340,7 +343,8 @@ def header_tags(path: str, tags_wanted: Set[str]) -> set[str] | None:
     """The names in the header of the text file ``path``; ``None`` where no line near its top names
     two of the ``tags_wanted`` tags, so that the whole file has to be parsed.
 
-    Each name is given as written and without a trailing unit in brackets.
+    Each name is given as written and without a trailing unit in brackets. A line that is not UTF-8
+    proves nothing: another encoding may hold names that would be missed.
     """
     if path.endswith(".gz"):
         return None
@@ -350,8 +354,22 @@ def header_tags(path: str, tags_wanted: Set[str]) -> set[str] | None:
     except OSError:
         return None  # reading the file reports the error
     for line in head.decode("utf-8-sig", "replace").splitlines()[:HEADER_LINES]:
-        cells = {cell.strip().strip("\"'").strip() for cell in _SEPARATORS.split(line)}
+        if "\ufffd" in line:
+            return None
+        cells = {cell.strip().strip("\"'").strip() for cell in _cells(line)}
         names = cells | {_UNIT.sub("", cell) for cell in cells}
         if len(names & tags_wanted) >= FEWEST_TAGS:
             return names
     return None
+
+
+def _cells(line: str) -> list[str]:
+    """The cells of a header by each separator that an export may have. Within quotes a separator
+    belongs to the name, and a doubled quote is one."""
+    if '"' not in line:
+        return _SEPARATORS.split(line)
+    cells: list[str] = []
+    for separator in SEPARATORS:
+        with suppress(csv.Error):  # by a separator that it does not have, a long line is one cell
+            cells += next(csv.reader([line], delimiter=separator), [])
+    return cells

@@ -44,6 +44,7 @@ def with_stored_context(
                     network=baseline.network,
                     note=baseline.note,
                     window=baseline.window,
+                    worked_at=None if baseline.maintenance is None else baseline.maintenance.at,
                     id=baseline.id,
                 )
             )
@@ -145,9 +146,9 @@ class Saving:
         screenings = [result.screening for result in arrived]
         pictures = [result.packed_pictures for result in arrived]
         report = self._store.save_many(screenings, self._number, self._compared, pictures)
-        reasons = {failure.valve: failure.reason for failure in report.failures}
-        for result in arrived:
-            reason = reasons.get(result.screening.valve, "")
+        reasons = {failure.place: failure.reason for failure in report.failures}
+        for place, result in enumerate(arrived):
+            reason = reasons.get(place, "")
             if reason and self._must_save:
                 self._store.run(self._number)  # raises while the database is not available
                 saved = self._store.save_many(

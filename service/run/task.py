@@ -38,11 +38,13 @@ if TYPE_CHECKING:  # numba comes with the fits, plots with the report: both are 
 @dataclass(frozen=True, kw_only=True)
 class StoredBaseline:
     """A valve's baseline network as bytes; ``note`` describes it in a sentence, ``id`` is its
-    number in the store."""
+    number in the store. ``worked_at`` is when the valve was worked on since: of what begins after
+    that the network says nothing, since a repaired stem moves differently, as it should."""
 
     network: bytes
     note: str
     window: tuple[datetime | None, datetime | None] = (None, None)
+    worked_at: datetime | None = None
     id: int | None = None
 
 
@@ -264,6 +266,10 @@ def case_of(task: Task) -> Case | Screening:
         return case
     if recording.start is not None and task.baseline.window == (recording.start, recording.end):
         return replace(case, baseline_note="This window is the baseline.")
+    worked_at = task.baseline.worked_at
+    if recording.start is not None and worked_at is not None and recording.start >= worked_at:
+        note = f"{task.baseline.note} This window begins after that and is not compared with it."
+        return replace(case, baseline_note=note)
     from stemwatch.models.narx.network import NarxNetwork
 
     try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import partial
 from types import MappingProxyType, TracebackType
 from typing import Self
 
@@ -254,10 +255,11 @@ class Store:
         saved, unanswered = 0, 0
         failures: list[SaveFailure] = []
         kept = iter(packed_pictures)
-        for screening in many:
+        for place, screening in enumerate(many):
             packed = next(kept, b"")
+            failed = partial(SaveFailure, valve=screening.valve, place=place)
             if unanswered >= _GIVE_UP_AFTER:
-                failures.append(SaveFailure(valve=screening.valve, reason="not tried: no answer"))
+                failures.append(failed(reason="not tried: no answer"))
                 continue
             try:
                 with (
@@ -272,8 +274,7 @@ class Store:
                 saved, unanswered = saved + 1, 0
             except Exception as error:  # an error with one valve must not affect the others
                 unanswered = unanswered + 1 if isinstance(error, OperationalError) else 0
-                reason = error_text(error, self.address)
-                failures.append(SaveFailure(valve=screening.valve, reason=reason))
+                failures.append(failed(reason=error_text(error, self.address)))
         return SaveReport(saved=saved, failures=tuple(failures))
 
     def save_valves(self, valves: Iterable[DescribedValve]) -> None:

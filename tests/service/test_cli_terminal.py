@@ -204,3 +204,16 @@ def test_a_verdict_says_when_its_recording_begins_in_the_zone_of_the_plant() -> 
     here = views.verdict_line(screening, ZoneInfo("Asia/Tokyo"))
     assert begins.astimezone(ZoneInfo("Asia/Tokyo")).strftime("%Y-%m-%d %H:%M") in here
     assert begins.strftime("%Y-%m-%d %H:%M") in views.verdict_line(screening, ZoneInfo("UTC"))
+
+
+def test_results_that_were_not_saved_are_not_said_to_be_left_out() -> None:
+    """They stand in the report: one line for each reason, with what follows."""
+    full = "not saved: database or disk is full"
+    lines = views.not_saved_lines(
+        [("FIC-1", full), ("FIC-2", "not saved: locked"), *((f"TIC-{n}", full) for n in range(7))]
+    )
+    assert lines == [
+        f"{full}: FIC-1, TIC-0, TIC-1, TIC-2, TIC-3, TIC-4 and 2 more. The report has these "
+        "results; later runs will not know of them.",
+        "not saved: locked: FIC-2. The report has these results; later runs will not know of them.",
+    ]

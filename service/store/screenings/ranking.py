@@ -240,7 +240,7 @@ def _decided(row: Any, groups: Sequence[OscillationGroup] = ()) -> WorkDecision 
     return WorkDecision(
         verdict=overall_verdict(verdict, named=bool(named)),
         kinds=kinds,
-        severity=finite(severity_of(verdict, row.severity, kinds)) or 0.0,
+        severity=finite(severity_of(verdict, row.severity, kinds, told)) or 0.0,
         no_sign=alone is not None and alone.leaves_nothing_to_do,
         moved=is_moved(kinds, told, groups, row.id),
     )

@@ -293,9 +293,11 @@ class Baseline:
 
 @dataclass(frozen=True, kw_only=True)
 class SaveFailure:
-    """A screening that was not saved, and why."""
+    """A screening that was not saved, and why. ``place`` is that among all that were to be saved,
+    where a valve may stand several times."""
 
     valve: str
+    place: int
     reason: str
 
 

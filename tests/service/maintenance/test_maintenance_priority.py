@@ -23,7 +23,12 @@ from stemwatch.service.maintenance.work_sheet import (
 )
 from stemwatch.service.presenter import work_decision as k
 from stemwatch.service.presenter.urgency import CLASSES, DAYS, WEIGHT_OF_CRITICALITY, priority
-from stemwatch.service.presenter.work_decision import OTHER_SEVERITY, SEVERITY_OF, decide
+from stemwatch.service.presenter.work_decision import (
+    OTHER_SEVERITY,
+    SEVERITY_OF,
+    SUSPECTED_SEVERITY,
+    decide,
+)
 from stemwatch.service.store.screenings.records import Remark
 from tests.service.report.conftest import screening
 
@@ -92,7 +97,7 @@ def test_the_documentation_has_these_numbers():
         assert re.search(rf"\| {number} \| {least:.2f} \| [^|]+ \| {days} \|", page), number
     for weight in WEIGHT_OF_CRITICALITY.values():
         assert f"{weight:g}" in page
-    for severity in (*SEVERITY_OF.values(), OTHER_SEVERITY):
+    for severity in (*SEVERITY_OF.values(), OTHER_SEVERITY, SUSPECTED_SEVERITY):
         assert f"{severity:.0f}" in page
 
 

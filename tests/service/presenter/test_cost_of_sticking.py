@@ -51,8 +51,8 @@ def test_without_a_price_it_is_variance() -> None:
 
 
 def test_no_share_is_claimed_where_the_interval_holds_zero() -> None:
-    """A loop that would as likely become worse: both ends in words, no size, and the money with
-    its interval."""
+    """A loop that would as likely become worse: both ends in words, neither a size nor money, and
+    no part in the plant's total."""
     share = indicator("variance_from_sticking_percent", 98.0, -64.0, 99.0)
     told = cost_of_sticking(
         {**FOUND, share.name: share}, Prices(per_unit_hour=10.0), currency="EUR"
@@ -60,9 +60,13 @@ def test_no_share_is_claimed_where_the_interval_holds_zero() -> None:
     assert told is not None
     assert told.sentence == (
         "What the sticking costs this loop cannot be told: with a valve that does not stick, the "
-        "variance of SP - PV would lie between 64 % larger and 99 % smaller (90 % interval). "
-        "In money: 3,650 EUR (2,920 to 5,110) a month."
+        "variance of SP - PV would lie between 64 % larger and 99 % smaller (90 % interval)."
     )
+    assert (told.money.value, told.a_month) == (None, "")
+    assert "cannot be told" in str(told.money)
+    priced = cost(Prices(per_unit_hour=10.0))
+    assert total_in_words({"A": told, "B": priced}) == total_in_words({"B": priced})
+    assert total_in_words({"A": told}) == ""
 
 
 def test_each_price_is_for_what_it_says() -> None:

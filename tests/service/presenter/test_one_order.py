@@ -8,19 +8,24 @@ import io
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from stemwatch.models.verdict import Verdict
 from stemwatch.models.without_position.suspicion import SMALL_S_PERCENT, Suspicion
 from stemwatch.service.alerts.digest import message_of
 from stemwatch.service.maintenance.maintenance_html import work_list_html
 from stemwatch.service.maintenance.pdf import work_list_pdf
 from stemwatch.service.maintenance.stored import report_of_store
 from stemwatch.service.maintenance.work_orders import orders_csv
+from stemwatch.service.presenter.finding import present
 from stemwatch.service.presenter.suspicion_words import next_steps
 from stemwatch.service.report.ranking import rank_valves
+from stemwatch.service.report.report_context import ReportContext, ValveFacts
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.screenings.ranking import RankingFilter
+from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import open_store
 from tests.service.maintenance.example_work_list import context
 from tests.service.presenter.every_kind import (
@@ -30,7 +35,8 @@ from tests.service.presenter.every_kind import (
     needed,
     save_run,
 )
-from tests.service.report.test_without_position import no_sign
+from tests.service.report.conftest import START, screening
+from tests.service.report.test_without_position import no_sign, suspected
 from tests.service.web import example_plant
 
 
@@ -95,6 +101,35 @@ def test_no_sign_makes_no_order_only_where_a_small_S_would_have_shown(tmp_path, 
     if orders:
         (step,) = next_steps(both)
         assert step.step == "Do a bump test."
+
+
+@pytest.mark.parametrize("criticality", [1, 2, 3])
+def test_a_suspected_loop_is_tested_before_any_other_without_a_position(
+    tmp_path: Path, criticality: int
+) -> None:
+    """As its own text says, however critical each is; its order does not wait for the next stop,
+    and it is no more urgent than a stem that was seen to stick. Report and store agree."""
+    suspicious = replace(blind("B-LOOP", NO_POSITION), without_position=suspected())
+    other, sticky = blind("A-LOOP", NO_POSITION), screening("C-LOOP", Verdict.STICKY, S=1.5)
+    every = [other, suspicious, replace(sticky, severity=58.5)]
+    assert "Test it before other loops without a position" in " ".join(
+        present(suspicious, stands=None).still_seen
+    )
+    levels = {"A-LOOP": 3, "B-LOOP": criticality, "C-LOOP": criticality}
+    facts = {valve: ValveFacts(criticality=str(level)) for valve, level in levels.items()}
+    ranked = rank_valves(every, ReportContext(started=START, valves=facts))
+    valves = [StoredValve(id=valve, criticality=level) for valve, level in levels.items()]
+    with open_store(f"sqlite:///{tmp_path / 'plant.db'}") as store:
+        store.save_valves(valves)
+        run = store.begin_run(software_version="1")
+        for one in every:
+            store.save(one.without_samples(), run)
+        store.finish_run(run)
+        lines = store.ranking(RankingFilter()).lines
+    told = {valve.screening.valve: valve.priority for valve in ranked}
+    assert [line.valve for line in lines] == list(told) == ["C-LOOP", "B-LOOP", "A-LOOP"]
+    assert {line.valve: line.priority for line in lines} == told
+    assert told["C-LOOP"].code <= told["B-LOOP"].code <= 3
 
 
 def tags_in(text: str, tags: Sequence[str]) -> list[str]:

@@ -51,3 +51,33 @@ def test_where_the_heading_does_not_tell_the_file_is_read(text: str, tmp_path: P
     assert header_tags(str(file), WANTED) is None
     assert header_tags(str(tmp_path / "absent.csv"), WANTED) is None
     assert header_tags(str(tmp_path / "export.csv.gz"), WANTED) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding"),
+    [
+        ('Time;FIC-1.OP;FIC-1.ZT;"FIC""115.OP"\n', "utf-8"),
+        ('Time,FIC-1.OP,FIC-1.ZT,"Tank, north.OP"\n', "utf-8"),
+        ("Time;FIC-1.OP;FIC-1.ZT;Überlauf.OP\n", "cp1252"),
+        ("Time;FIC-1.OP;FIC-1.ZT;Überlauf.OP\n", "utf-16"),
+    ],
+)
+def test_no_tag_of_an_odd_heading_is_said_to_be_absent(
+    text: str, encoding: str, tmp_path: Path
+) -> None:
+    """Names with quotes, separators or umlauts: the quick look finds them or leaves them to
+    reading."""
+    file = tmp_path / "export.csv"
+    file.write_text(text + "2026-03-02 06:00:00;1;2;3\n", encoding=encoding)
+    odd = {'FIC"115.OP', "Tank, north.OP", "Überlauf.OP"}
+    named = header_tags(str(file), WANTED | odd)
+    assert named is None or named & odd
+
+
+def test_a_quoted_heading_of_ten_thousand_tags_is_read(tmp_path: Path) -> None:
+    """By a separator that it does not have such a line is one cell, longer than csv allows."""
+    file = tmp_path / "export.csv"
+    tags = {f"UNIT-{number:05d}.FIC-{number:05d}.OP" for number in range(10_000)}
+    heading = ";".join(f'"{tag}"' for tag in ("Time", *sorted(tags)))
+    file.write_text(f"{heading}\n", encoding="utf-8")
+    assert tags <= (header_tags(str(file), tags) or set())

@@ -143,7 +143,8 @@ def test_a_valve_keeps_its_first_baseline(first, screened, rows) -> None:
 
 
 def test_maintenance_gives_a_new_baseline(stemwatch, first, screened, rows, plant: Path) -> None:
-    """After work on a valve, the old baseline is said to be outdated and the next window's set."""
+    """After work on a valve, the old baseline is said to be outdated and the next window's set,
+    which is not compared with it: a repaired stem moves differently, as it should."""
     noted = stemwatch(
         "maintenance", STICKY, "--note", "packing renewed", "--plant", plant,
         "--at", "2026-03-02T07:15", "--who", "Anna",
@@ -153,6 +154,9 @@ def test_maintenance_gives_a_new_baseline(stemwatch, first, screened, rows, plan
 
     second = screened(*LATE)
     assert "it describes the valve before maintenance (packing renewed" in second["baseline"]
+    assert second["baseline"].endswith("begins after that and is not compared with it.")
+    assert second["residuals"]["baseline"] is None
+    assert "baseline_ratio" not in second["indicators"]
     (active,) = rows(
         "SELECT reason, window_start FROM networks "
         "WHERE valve = ? AND kind = 'baseline' AND active",
