@@ -89,6 +89,20 @@ def test_every_option_is_described_with_its_command(name: str) -> None:
     assert options - described == set()
 
 
+@pytest.mark.parametrize("name", sorted(_commands()))
+def test_every_default_that_is_stated_is_the_one_in_the_code(name: str) -> None:
+    """``default 40`` in the row of an option; one that the command finds by itself is left out."""
+    page = _page("commands.md")
+    own = page.split(f"## stemwatch {name}\n")[1].split("\n## ")[0]
+    defaults = {option: p.default for p in _commands()[name].params for option in p.opts}
+    rows = r"^\| `(--[a-z-]+)` \|.*default ([\d.]+|`[^`]+`)(?=[ ,;.|])"
+    for option, stated in re.findall(rows, own, re.MULTILINE):
+        default = defaults[option]
+        if default not in (None, ""):
+            expected = f"{default:g}" if isinstance(default, (int, float)) else str(default)
+            assert stated.strip("`") == expected, f"{name} {option}"
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
 def test_every_command_line_that_is_shown_would_be_understood(page: Path) -> None:
     """A command shown in a code block exists and has the options it is shown with."""

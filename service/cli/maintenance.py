@@ -18,7 +18,9 @@ def maintenance(
     db: StoreUrl = "",
     at: Annotated[str, typer.Option(help="When, ISO time; now where left out.")] = "",
     who: Annotated[str, typer.Option(help="Who did it.")] = "",
-    zone: o.Zone = "",
+    zone: Annotated[
+        str, typer.Option(help="Time zone of --at without offset; else the plant's.")
+    ] = "",
 ) -> None:
     """Record maintenance of a valve.
 

@@ -29,7 +29,9 @@ def maintenance_report(
     out: Annotated[Path, typer.Option(help="Folder of the report.")] = Path(
         "stemwatch-maintenance"
     ),
-    zone: o.Zone = "",
+    zone: Annotated[
+        str, typer.Option(help="Time zone in which times are shown; else the plant's.")
+    ] = "",
     site: o.Site = None,
     area: o.Area = None,
     unit: o.Unit = None,

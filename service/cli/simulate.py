@@ -69,7 +69,9 @@ def simulate(
     ] = None,
     seed: o.Seed = 1,
     start: Annotated[str, typer.Option(help="Time of the first sample, ISO.")] = "",
-    zone: o.Zone = "Europe/Berlin",
+    zone: Annotated[
+        str, typer.Option(help="Time zone of --start and of the times that are written.")
+    ] = "Europe/Berlin",
     modbus: Modbus = False,
     host: Host = "127.0.0.1",
     port: Port = 5020,

@@ -33,6 +33,14 @@ def test_each_command_explains_itself(stemwatch, command: str, says: str) -> Non
     assert says in outcome.said
 
 
+@pytest.mark.parametrize("command", ["simulate", "maintenance", "maintenance-report"])
+def test_a_command_that_reads_no_export_does_not_say_how_it_is_read(
+    stemwatch, command: str
+) -> None:
+    """Its zone is that of what is written, shown or given on the command line."""
+    assert "How the file is read" not in stemwatch(command, "--help").said
+
+
 def test_help_lists_every_command_and_the_exit_status(stemwatch) -> None:
     """The program's own help names all commands and what each exit status means."""
     outcome = stemwatch("--help")
