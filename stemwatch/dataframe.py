@@ -25,13 +25,13 @@ from stemwatch.connectors.connector import (
     ValveTags,
     Window,
 )
+from stemwatch.connectors.historian.columns import Column, convert
 from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.historian.raw_table import RawColumn
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.recordings import assemble, find_tag, need_op
-from stemwatch.connectors.historian.tables.raw_table import RawColumn
 from stemwatch.connectors.historian.tags.roles import propose_roles
 from stemwatch.connectors.historian.times.time_column import Instants, undated
-from stemwatch.connectors.historian.values.columns import Column, convert
 from stemwatch.connectors.historian.values.units import split_unit
 from stemwatch.models.recording import Recording, Role
 

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from stemwatch.connectors.connector import ConnectorError, ValveTags, Window
+from stemwatch.connectors.historian.columns import Column
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.times.epoch import ns_of
@@ -17,7 +18,6 @@ from stemwatch.connectors.historian.times.time_column import Instants, undated
 from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.connectors.historian.times.timeline import Timeline
 from stemwatch.connectors.historian.times.zones import to_utc
-from stemwatch.connectors.historian.values.columns import Column
 from stemwatch.models.recording import Bools, Recording, Role
 
 Bounds = tuple[int | None, int | None]

@@ -25,7 +25,7 @@ from stemwatch.connectors.settings import Name, contradiction
 from stemwatch.models.recording import Recording, Role
 
 if TYPE_CHECKING:
-    from stemwatch.connectors.historian.values.columns import Column
+    from stemwatch.connectors.historian.columns import Column
     from stemwatch.connectors.influx.query import InfluxQuery
 
 LAYOUT = "InfluxDB, points of a tag through InfluxQL"

@@ -12,8 +12,8 @@ import numpy as np
 from stemwatch.connectors.archive.valve_columns import Bounds, local_instants
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.historian.raw_table import RawTable, RawTimes
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.tables.raw_table import RawTable, RawTimes
 from stemwatch.connectors.historian.times.epoch import instant_of
 from stemwatch.connectors.historian.times.time_column import Instants, read_instants, undated
 from stemwatch.connectors.historian.times.time_fields import Ints

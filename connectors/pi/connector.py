@@ -27,7 +27,7 @@ from stemwatch.connectors.settings import Name, Text, contradiction
 from stemwatch.models.recording import Recording, Role
 
 if TYPE_CHECKING:
-    from stemwatch.connectors.historian.values.columns import Column
+    from stemwatch.connectors.historian.columns import Column
     from stemwatch.connectors.pi.web_api import PiPoint, PiWebApi
 
 LAYOUT = "PI Web API, recorded values of a point for each tag"

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.historian.raw_table import Index, RawTable
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.tables.raw_table import Index, RawTable
-from stemwatch.connectors.historian.times.clock_put_back import after_clock_change
 from stemwatch.connectors.historian.times.day_month_order import local_ns
 from stemwatch.connectors.historian.times.row_spacing import (
     Spread,
@@ -30,7 +29,7 @@ from stemwatch.connectors.historian.times.time_fields import (
     time_fields,
 )
 from stemwatch.connectors.historian.times.time_of_day import are_times_of_day, times_of_day
-from stemwatch.connectors.historian.times.zones import to_utc
+from stemwatch.connectors.historian.times.zones import after_clock_change, to_utc
 from stemwatch.connectors.historian.values.numbers import parse_numbers
 from stemwatch.connectors.historian.values.stored_text import (
     StoredText,
