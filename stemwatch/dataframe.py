@@ -13,7 +13,6 @@ from stemwatch.connectors.archive.valve_columns import (
     ValveColumns,
     bounds_of,
     empty_column,
-    local_instants,
     need_samples,
     within_bounds,
 )
@@ -31,7 +30,7 @@ from stemwatch.connectors.historian.raw_table import RawColumn
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.recordings import assemble, find_tag, need_op
 from stemwatch.connectors.historian.tags.roles import propose_roles
-from stemwatch.connectors.historian.times.time_column import Instants, undated
+from stemwatch.connectors.historian.times.instants import Instants, local_instants, undated
 from stemwatch.connectors.historian.values.units import split_unit
 from stemwatch.models.recording import Recording, Role
 

@@ -28,7 +28,8 @@ from stemwatch.connectors.historian.tables.layout_input import LayoutInput
 from stemwatch.connectors.historian.tables.text_pieces import NotInPieces
 from stemwatch.connectors.historian.tags.roles import Candidate, propose_roles
 from stemwatch.connectors.historian.tags.tag_names import parse_tag
-from stemwatch.connectors.historian.times.time_column import Instants, read_instants
+from stemwatch.connectors.historian.times.instants import Instants
+from stemwatch.connectors.historian.times.time_column import read_instants
 from stemwatch.connectors.historian.times.timeline import Timeline
 from stemwatch.connectors.historian.unused_options import say_unused, why_not_in_text
 from stemwatch.connectors.historian.values.decimal_mark import decide_decimal

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from stemwatch.connectors.archive.valve_columns import ValveColumns
     from stemwatch.connectors.historian.columns import Column
     from stemwatch.connectors.historian.reading_notes import ReadingNotes
-    from stemwatch.connectors.historian.times.time_column import Instants
+    from stemwatch.connectors.historian.times.instants import Instants
     from stemwatch.connectors.sql.database import Database
     from stemwatch.connectors.sql.query_rows import Samples
 
