@@ -67,15 +67,8 @@ class DataFrameSource:
         """Every column with its unit and, where its name leaves no doubt, its role and valve."""
         named = [(tag, split_unit(tag)[1], "", None) for tag in self._places]
         return [
-            TagInfo(
-                tag=candidate.tag,
-                unit=candidate.unit,
-                samples=int(self._frame.iloc[:, self._places[candidate.tag]].notna().sum()),
-                proposed_role=candidate.role,
-                proposed_valve=candidate.valve,
-                remark=candidate.remark,
-            )
-            for candidate in propose_roles(named, stem="valve", mv_is_output=False)
+            tag.info(int(self._frame.iloc[:, self._places[tag.tag]].notna().sum()))
+            for tag in propose_roles(named, stem="valve", mv_is_output=False)
         ]
 
     def read(self, valve: ValveTags, window: Window = WHOLE) -> Recording:

@@ -113,15 +113,7 @@ class InfluxArchive:
         with connected(self.address) as query:
             names = fnmatch.filter(query.tags(), self.address.pattern)
         tags = [(name, "", "", None) for name in names]
-        return [
-            TagInfo(
-                tag=proposed.tag,
-                proposed_role=proposed.role,
-                proposed_valve=proposed.valve,
-                remark=proposed.remark,
-            )
-            for proposed in propose_roles(tags, stem="", mv_is_output=False)
-        ]
+        return [tag.info() for tag in propose_roles(tags, stem="", mv_is_output=False)]
 
     def present(self, valve: ValveTags) -> ValveTags:
         """``valve`` without the roles beside OP and MV whose tag the archive does not have."""
