@@ -43,7 +43,7 @@ LOG := $(VENV)/log.txt
 # Compiling all that is installed takes most of the time, and little of it is ever imported.
 INSTALL := $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt
 # That little is imported once, side by side: the first run would compile it in several processes at a time.
-IMPORT := { $(BIN)/python -P -c 'import stemwatch.service.executors.worker_preload' & $(BIN)/python -P -c \
+IMPORT := { $(BIN)/python -P -c 'import stemwatch.service.run.worker_preload' & $(BIN)/python -P -c \
 	'from stemwatch.service import cli, maintenance, report, run, store; from stemwatch.service.maintenance import pdf; \
 	from stemwatch.service.report import xlsx_file; from stemwatch.service.run import engine; \
 	from stemwatch.service.store.migrations import migrate' && wait; }

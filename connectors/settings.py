@@ -1,5 +1,5 @@
-"""Settings of a source in the plant file: its ``[[sources]]`` table as a pydantic model, and the
-messages for mistakes in it.
+"""Settings of a source in the plant file: its ``[[sources]]`` table as a pydantic model, the
+messages for mistakes in it, and how a value is written there.
 
 Each field's description is what an error says was expected.
 """
@@ -7,6 +7,7 @@ Each field's description is what an error says was expected.
 from __future__ import annotations
 
 import difflib
+import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated
@@ -51,6 +52,12 @@ def nearest(word: str, known_names: Iterable[str]) -> str:
 def either_of(known_names: Iterable[str]) -> str:
     """``"one of area, id, source"``."""
     return "one of " + ", ".join(sorted(known_names))
+
+
+def toml_value(value: object) -> str:
+    """A text, number, truth value or list as TOML, which is written as in JSON but for U+007F."""
+    json_value = list(value) if isinstance(value, tuple) else value
+    return json.dumps(json_value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 class TomlTable(BaseModel):

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _ORPHANED = 3
 _ENDING = (signal.SIGINT, signal.SIGTERM)
 _ASKED = b"1"
-PRELOADED = "stemwatch.service.executors.worker_preload"
+PRELOADED = "stemwatch.service.run.worker_preload"
 
 
 def worker_context() -> SpawnContext | ForkServerContext:

@@ -13,7 +13,6 @@ from stemwatch.connectors.archive.valve_columns import (
     ValveColumns,
     bounds_of,
     empty_column,
-    local_instants,
     need_samples,
     within_bounds,
 )
@@ -25,13 +24,13 @@ from stemwatch.connectors.connector import (
     ValveTags,
     Window,
 )
+from stemwatch.connectors.historian.columns import Column, convert
 from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.historian.raw_table import RawColumn
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.recordings import assemble, find_tag, need_op
-from stemwatch.connectors.historian.tables.raw_table import RawColumn
 from stemwatch.connectors.historian.tags.roles import propose_roles
-from stemwatch.connectors.historian.times.time_column import Instants, undated
-from stemwatch.connectors.historian.values.columns import Column, convert
+from stemwatch.connectors.historian.times.instants import Instants, local_instants, undated
 from stemwatch.connectors.historian.values.units import split_unit
 from stemwatch.models.recording import Recording, Role
 
@@ -68,15 +67,8 @@ class DataFrameSource:
         """Every column with its unit and, where its name leaves no doubt, its role and valve."""
         named = [(tag, split_unit(tag)[1], "", None) for tag in self._places]
         return [
-            TagInfo(
-                tag=candidate.tag,
-                unit=candidate.unit,
-                samples=int(self._frame.iloc[:, self._places[candidate.tag]].notna().sum()),
-                proposed_role=candidate.role,
-                proposed_valve=candidate.valve,
-                remark=candidate.remark,
-            )
-            for candidate in propose_roles(named, stem="valve", mv_is_output=False)
+            tag.info(int(self._frame.iloc[:, self._places[tag.tag]].notna().sum()))
+            for tag in propose_roles(named, stem="valve", mv_is_output=False)
         ]
 
     def read(self, valve: ValveTags, window: Window = WHOLE) -> Recording:

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stemwatch.connectors.historian.columns import Column, finished
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.times.time_fields import Ints
-from stemwatch.connectors.historian.values.columns import Column, finished
 from stemwatch.connectors.historian.values.quality_codes import quality_of
 from stemwatch.models.recording import Bools, Floats, Quality
 

@@ -10,14 +10,10 @@ from functools import cached_property
 import numpy as np
 
 from stemwatch.connectors.connector import ConnectorError, ValveTags, Window
-from stemwatch.connectors.historian.options import ReadOptions
-from stemwatch.connectors.historian.reading_notes import ReadingNotes
+from stemwatch.connectors.historian.columns import Column
 from stemwatch.connectors.historian.times.epoch import ns_of
-from stemwatch.connectors.historian.times.time_column import Instants, undated
 from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.connectors.historian.times.timeline import Timeline
-from stemwatch.connectors.historian.times.zones import to_utc
-from stemwatch.connectors.historian.values.columns import Column
 from stemwatch.models.recording import Bools, Recording, Role
 
 Bounds = tuple[int | None, int | None]
@@ -156,25 +152,3 @@ def within_bounds(column: Column, bounds: Bounds) -> Column:
         quality=column.quality[keep],
         file_ns=column.file_ns[within(column.file_ns)],
     )
-
-
-def local_instants(ns: Ints, ok: Bools, options: ReadOptions, notes: ReadingNotes) -> Instants:
-    """Instants of local times, (n,) nanoseconds, of one tag in the order of the archive.
-
-    Without a zone in ``options`` they are on a clock of unknown date.
-    """
-    if options.zone is None:
-        return undated(ns, ok, notes)
-    notes.use("zone")
-    ns, ok = to_utc(
-        ns.copy(),
-        ok,
-        options.zone,
-        ambiguous_hour=options.ambiguous_hour,
-        missing_hour=options.missing_hour,
-        groups=[None],
-        notes=notes,
-    )
-    sentence = f"Times without offset are local times of {options.zone}."
-    notes.decide(sentence)
-    return Instants(ns=ns, ok=ok, in_utc=True, zone=sentence)

@@ -152,18 +152,7 @@ class HistorianFile:
         for role in opened.roles():
             column = opened.column(role.tag)
             facts = {} if role.own_interval_s is None else {"own_interval_s": role.own_interval_s}
-            infos.append(
-                TagInfo(
-                    tag=role.tag,
-                    unit=role.unit,
-                    description=role.description,
-                    samples=int(np.isfinite(column.values).sum()),
-                    proposed_role=role.role,
-                    proposed_valve=role.valve,
-                    remark=role.remark,
-                    facts=facts,
-                )
-            )
+            infos.append(role.info(int(np.isfinite(column.values).sum()), facts))
         return infos
 
     def read(self, valve: ValveTags, window: Window = WHOLE) -> Recording:

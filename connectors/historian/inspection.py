@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stemwatch.connectors.historian.columns import Column
+from stemwatch.connectors.historian.source_clock import clock_facts, interval_ns
 from stemwatch.connectors.historian.times.epoch import instant_of
-from stemwatch.connectors.historian.times.source_clock import clock_facts, interval_ns
 from stemwatch.connectors.historian.times.timeline import Timeline
-from stemwatch.connectors.historian.values.columns import Column
 from stemwatch.models.recording import ClockFacts, Quality
 from stemwatch.models.signals import forensics
 

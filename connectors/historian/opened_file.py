@@ -12,25 +12,26 @@ from pathlib import Path
 import numpy as np
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.layouts import parse_source
-from stemwatch.connectors.historian.options import ReadOptions
-from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.tables.document import open_document
-from stemwatch.connectors.historian.tables.large_file import large_input
-from stemwatch.connectors.historian.tables.layout_input import LayoutInput
-from stemwatch.connectors.historian.tables.raw_table import RawColumn, RawTable
-from stemwatch.connectors.historian.tables.text_pieces import NotInPieces
-from stemwatch.connectors.historian.tags.roles import Candidate, propose_roles
-from stemwatch.connectors.historian.tags.tag_names import parse_tag
-from stemwatch.connectors.historian.times.time_column import Instants, read_instants
-from stemwatch.connectors.historian.times.timeline import Timeline
-from stemwatch.connectors.historian.unused_options import say_unused, why_not_in_text
-from stemwatch.connectors.historian.values.columns import (
+from stemwatch.connectors.historian.columns import (
     Column,
     at_times,
     convert,
     own_interval_s,
 )
+from stemwatch.connectors.historian.layouts import parse_source
+from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.historian.raw_table import RawColumn, RawTable
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
+from stemwatch.connectors.historian.tables.document import open_document
+from stemwatch.connectors.historian.tables.large_file import large_input
+from stemwatch.connectors.historian.tables.layout_input import LayoutInput
+from stemwatch.connectors.historian.tables.text_pieces import NotInPieces
+from stemwatch.connectors.historian.tags.roles import Candidate, propose_roles
+from stemwatch.connectors.historian.tags.tag_names import parse_tag
+from stemwatch.connectors.historian.times.instants import Instants
+from stemwatch.connectors.historian.times.time_column import read_instants
+from stemwatch.connectors.historian.times.timeline import Timeline
+from stemwatch.connectors.historian.unused_options import say_unused, why_not_in_text
 from stemwatch.connectors.historian.values.decimal_mark import decide_decimal
 from stemwatch.connectors.historian.values.stored_text import StoredText, has_been_read
 from stemwatch.models.recording import Role

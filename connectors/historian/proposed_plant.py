@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from stemwatch.connectors.connector import RANGE_HIGH, RANGE_LOW, TagInfo
 from stemwatch.connectors.historian.tags.perhaps_position import may_be_position
-from stemwatch.connectors.toml_value import toml_value
+from stemwatch.connectors.settings import toml_value
 from stemwatch.models.recording import PERCENT, Role
 
 if TYPE_CHECKING:

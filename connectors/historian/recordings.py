@@ -18,16 +18,16 @@ from stemwatch.connectors.connector import (
     Window,
     nearest_names,
 )
-from stemwatch.connectors.historian.times.epoch import EPOCH, ns_of
-from stemwatch.connectors.historian.times.source_clock import (
+from stemwatch.connectors.historian.columns import Column, own_interval_s, sharing_times
+from stemwatch.connectors.historian.source_clock import (
     ColumnOnGrid,
     Grid,
     clock_facts,
     lay_column,
     make_grid,
 )
+from stemwatch.connectors.historian.times.epoch import EPOCH, ns_of
 from stemwatch.connectors.historian.times.timeline import Timeline
-from stemwatch.connectors.historian.values.columns import Column, own_interval_s, sharing_times
 from stemwatch.connectors.historian.values.units import canonical
 from stemwatch.models.recording import (
     PERCENT,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stemwatch.connectors.historian.options import ReadOptions, given_options
+from stemwatch.connectors.historian.raw_table import RawTable
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.tables.raw_table import RawTable
-from stemwatch.connectors.historian.times.time_column import Instants
+from stemwatch.connectors.historian.times.instants import Instants
 
 
 def say_unused(options: ReadOptions, notes: ReadingNotes, reasons: Mapping[str, str]) -> None:

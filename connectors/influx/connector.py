@@ -25,7 +25,7 @@ from stemwatch.connectors.settings import Name, contradiction
 from stemwatch.models.recording import Recording, Role
 
 if TYPE_CHECKING:
-    from stemwatch.connectors.historian.values.columns import Column
+    from stemwatch.connectors.historian.columns import Column
     from stemwatch.connectors.influx.query import InfluxQuery
 
 LAYOUT = "InfluxDB, points of a tag through InfluxQL"
@@ -113,15 +113,7 @@ class InfluxArchive:
         with connected(self.address) as query:
             names = fnmatch.filter(query.tags(), self.address.pattern)
         tags = [(name, "", "", None) for name in names]
-        return [
-            TagInfo(
-                tag=proposed.tag,
-                proposed_role=proposed.role,
-                proposed_valve=proposed.valve,
-                remark=proposed.remark,
-            )
-            for proposed in propose_roles(tags, stem="", mv_is_output=False)
-        ]
+        return [tag.info() for tag in propose_roles(tags, stem="", mv_is_output=False)]
 
     def present(self, valve: ValveTags) -> ValveTags:
         """``valve`` without the roles beside OP and MV whose tag the archive does not have."""

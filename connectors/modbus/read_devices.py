@@ -96,10 +96,9 @@ def read_devices(
     """The devices that ``tables`` (the value of ``[[devices]]``) describe.
 
     ``line_of`` gives the line of a key path such as ``("devices", 0, "registers", 3, "address")``;
-    ``folder`` is where lists of registers are
-    looked for (``registers = "registers.csv"``), the current one if left out. Nothing is raised for
-    what is wrong in them: it is left out, and stands in ``problems`` with its file and line, what
-    was found and what was expected.
+    ``folder`` is where lists of registers are looked for (``registers = "registers.csv"``), the
+    current one if left out. Nothing is raised for what is wrong in them: it is left out, and stands
+    in ``problems`` with its file and line, what was found and what was expected.
     """
     reader = _Reader(file, line_of, folder or Path())
     devices: dict[str, Device] = {}

@@ -30,7 +30,7 @@ from stemwatch.connectors.settings import Duration, Name, Text, contradiction
 from stemwatch.models.recording import Bools, Recording, Role
 
 if TYPE_CHECKING:
-    from stemwatch.connectors.historian.values.columns import Column
+    from stemwatch.connectors.historian.columns import Column
     from stemwatch.connectors.opcua.session import History
 
 LAYOUT = "OPC UA, raw history of a node for each tag"

@@ -83,6 +83,9 @@ class ArchiveFile:
         self.path = path
         self.keys = keys
         self._layouts: dict[ReadOptions, ColumnLayout] = {}
+        self._groups: dict[str, Groups] = {}  # by the column of the times
+        self._keyed: dict[str, Any] = {}  # fragments by the column that is read as a dictionary
+        self._key_values: dict[str, list[str]] = {}  # by the column of the keys
 
     @cached_property
     def fragment(self) -> Any:
@@ -111,10 +114,9 @@ class ArchiveFile:
 
     def groups(self, layout: ColumnLayout) -> Groups:
         """What the footer says of each row group; looked up once."""
-        cached = self.__dict__.setdefault("_groups", {})
-        if layout.time not in cached:
-            cached[layout.time] = _groups(self.fragment.metadata, layout, self.keys)
-        return cached[layout.time]  # type: ignore[no-any-return]
+        if layout.time not in self._groups:
+            self._groups[layout.time] = _groups(self.fragment.metadata, layout, self.keys)
+        return self._groups[layout.time]
 
     def read(
         self, groups: Sequence[int], columns: Sequence[str], key: str | None = None
@@ -125,7 +127,7 @@ class ArchiveFile:
         """
         import pyarrow as pa
 
-        source = self.fragment if key is None or key in self.keys else self._keyed(key)
+        source = self.fragment if key is None or key in self.keys else self._with_dictionary(key)
         for group in groups:
             part = source.subset(row_group_ids=[group])
             try:
@@ -136,14 +138,13 @@ class ArchiveFile:
                     "file is damaged or was replaced while it was read. Write it anew, or run again"
                 ) from None
 
-    def _keyed(self, key: str) -> Any:
+    def _with_dictionary(self, key: str) -> Any:
         """The fragment that reads ``key`` as a dictionary: thousands of rows bear one name."""
-        cached = self.__dict__.setdefault("_by_key", {})
-        if key not in cached:
-            cached[key] = _format(dictionary_columns={key}).make_fragment(
+        if key not in self._keyed:
+            self._keyed[key] = _format(dictionary_columns={key}).make_fragment(
                 self.path, self._filesystem
             )
-        return cached[key]
+        return self._keyed[key]
 
     @property
     def is_open(self) -> bool:
@@ -166,8 +167,7 @@ class ArchiveFile:
         """
         if layout.key is None:
             return []
-        cached = self.__dict__.setdefault("_key_values", {})
-        if layout.key not in cached:
+        if layout.key not in self._key_values:
             groups = self.groups(layout)
             seen: dict[str, None] = {}
             mixed = []
@@ -180,8 +180,8 @@ class ArchiveFile:
             for _, table in self.read(mixed, [layout.key], layout.key):
                 names = table.column(layout.key).unique().to_pylist()
                 seen |= {str(name): None for name in names if name is not None}
-            cached[layout.key] = list(seen)
-        return cached[layout.key]  # type: ignore[no-any-return]
+            self._key_values[layout.key] = list(seen)
+        return self._key_values[layout.key]
 
     def nulls(self, group: int, column: str) -> int | None:
         """How many rows of a group have nothing in ``column``, where the footer says it."""

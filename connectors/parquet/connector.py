@@ -28,7 +28,7 @@ from stemwatch.models.recording import Recording, Role
 
 if TYPE_CHECKING:
     from stemwatch.connectors.archive.valve_columns import ValveColumns
-    from stemwatch.connectors.historian.values.columns import Column
+    from stemwatch.connectors.historian.columns import Column
 
 _DEFAULTS = ReadOptions()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from stemwatch.connectors.connector import ConnectorError, TagInfo
 from stemwatch.connectors.historian.options import ReadOptions
@@ -47,18 +48,11 @@ def list_tags(files: Sequence[ArchiveFile], options: ReadOptions, stem: str) -> 
 
 
 def _info(candidate: Candidate, samples: int, declared: tuple[Role, str] | None) -> TagInfo:
-    role, valve, remark = candidate.role, candidate.valve, candidate.remark
-    if declared is not None:
-        role, valve = declared
-        remark = f"the archive has it in the column {role.value} of valve {valve}"
-    return TagInfo(
-        tag=candidate.tag,
-        unit=candidate.unit,
-        samples=samples,
-        proposed_role=role,
-        proposed_valve=valve,
-        remark=remark,
-    )
+    if declared is None:
+        return candidate.info(samples)
+    role, valve = declared
+    remark = f"the archive has it in the column {role.value} of valve {valve}"
+    return replace(candidate, role=role, valve=valve, remark=remark).info(samples)
 
 
 def _counts(file: ArchiveFile, layout: ColumnLayout) -> dict[str, int]:

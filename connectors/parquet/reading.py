@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from stemwatch.connectors.archive.number_column import Codes, number_column
 from stemwatch.connectors.archive.valve_columns import Bounds
 from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.columns import Column, convert
 from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.historian.raw_table import RawColumn
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.tables.raw_table import RawColumn
-from stemwatch.connectors.historian.times.time_column import Instants
-from stemwatch.connectors.historian.values.columns import Column, convert
+from stemwatch.connectors.historian.times.instants import Instants
 from stemwatch.connectors.historian.values.units import canonical
 from stemwatch.connectors.parquet.archive_file import ArchiveFile, as_floats
 from stemwatch.connectors.parquet.catalog import may_hold

@@ -9,13 +9,14 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
-from stemwatch.connectors.archive.valve_columns import Bounds, local_instants
+from stemwatch.connectors.archive.valve_columns import Bounds
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.historian.raw_table import RawTable, RawTimes
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.tables.raw_table import RawTable, RawTimes
 from stemwatch.connectors.historian.times.epoch import instant_of
-from stemwatch.connectors.historian.times.time_column import Instants, read_instants, undated
+from stemwatch.connectors.historian.times.instants import Instants, local_instants, undated
+from stemwatch.connectors.historian.times.time_column import read_instants
 from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.models.recording import Bools
 

@@ -27,7 +27,7 @@ from stemwatch.connectors.settings import Name, Text, contradiction
 from stemwatch.models.recording import Recording, Role
 
 if TYPE_CHECKING:
-    from stemwatch.connectors.historian.values.columns import Column
+    from stemwatch.connectors.historian.columns import Column
     from stemwatch.connectors.pi.web_api import PiPoint, PiWebApi
 
 LAYOUT = "PI Web API, recorded values of a point for each tag"
@@ -123,15 +123,7 @@ class PiArchive:
             points = {point.name: point for point in api.points(self.address.pattern)}
         tags = [(p.name, p.unit, p.description, None) for p in points.values()]
         return [
-            TagInfo(
-                tag=proposed.tag,
-                unit=proposed.unit,
-                description=proposed.description,
-                proposed_role=proposed.role,
-                proposed_valve=proposed.valve,
-                remark=proposed.remark,
-                facts=_range_facts(points[proposed.tag]),
-            )
+            proposed.info(facts=_range_facts(points[proposed.tag]))
             for proposed in propose_roles(tags, stem="", mv_is_output=False)
         ]
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from stemwatch.connectors.archive.number_column import number_column, number_of
 from stemwatch.connectors.connector import ConnectorError
-from stemwatch.connectors.historian.tables.raw_table import RawColumn
-from stemwatch.connectors.historian.times.time_column import Instants
+from stemwatch.connectors.historian.columns import Column, convert
+from stemwatch.connectors.historian.raw_table import RawColumn
+from stemwatch.connectors.historian.times.instants import Instants
 from stemwatch.connectors.historian.times.time_fields import Ints
-from stemwatch.connectors.historian.values.columns import Column, convert
 from stemwatch.models.recording import Bools
 
 ZONE = "The server gives instants in UTC."

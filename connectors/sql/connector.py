@@ -35,15 +35,18 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from stemwatch.connectors.archive.valve_columns import ValveColumns
+    from stemwatch.connectors.historian.columns import Column
     from stemwatch.connectors.historian.reading_notes import ReadingNotes
-    from stemwatch.connectors.historian.times.time_column import Instants
-    from stemwatch.connectors.historian.values.columns import Column
+    from stemwatch.connectors.historian.times.instants import Instants
     from stemwatch.connectors.sql.database import Database
     from stemwatch.connectors.sql.query_rows import Samples
 
+LAYOUT = "a query for each tag"
 CHUNK = 20_000
 TIMEOUT_S = 120.0
 _SQLITE = "sqlite:///"
+_URL = "a database URL such as postgresql://user@host/database"
+_FIRST, _LAST = datetime(1970, 1, 2, tzinfo=UTC), datetime(2262, 1, 1, tzinfo=UTC)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,21 +84,6 @@ def url_in_folder(url: str, folder: Path) -> str:
     return f"{_SQLITE}{(folder / name).as_posix()}"
 
 
-def _count(cell: Any) -> int:
-    """How many samples a cell says; 0 where it says no number."""
-    try:
-        return int(cell)
-    except (TypeError, ValueError, OverflowError):
-        return 0
-
-
-LAYOUT = "a query for each tag"
-_FIRST, _LAST = datetime(1970, 1, 2, tzinfo=UTC), datetime(2262, 1, 1, tzinfo=UTC)
-
-
-_URL = "a database URL such as postgresql://user@host/database"
-
-
 class SqlSettings(ArchiveSettings):
     """``kind = "sql"``: a database that is asked with a query of the user's own."""
 
@@ -120,7 +108,6 @@ class SqlSettings(ArchiveSettings):
     missing_hour: Literal["shift", "leave_out"] | None = Field(
         default=None, description='"shift" (forward by an hour) or "leave_out"'
     )
-
     timeout_s: Duration = Field(default=TIMEOUT_S, description="seconds, above 0")
 
     @model_validator(mode="after")
@@ -350,3 +337,11 @@ class SqlArchive:
 
     def _window_text(self, window: Window) -> str:
         return " to ".join(str(bound) for bound in self._bounds(window).values())
+
+
+def _count(cell: Any) -> int:
+    """How many samples a cell says; 0 where it says no number."""
+    try:
+        return int(cell)
+    except (TypeError, ValueError, OverflowError):
+        return 0

@@ -11,14 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stemwatch.connectors.archive.number_column import Codes, number_column
-from stemwatch.connectors.archive.valve_columns import local_instants
 from stemwatch.connectors.connector import ConnectorError
+from stemwatch.connectors.historian.columns import Column, convert
 from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.historian.raw_table import RawColumn, RawTable, RawTimes
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.tables.raw_table import RawColumn, RawTable, RawTimes
 from stemwatch.connectors.historian.times.epoch import ns_of
-from stemwatch.connectors.historian.times.time_column import Instants, read_instants
-from stemwatch.connectors.historian.values.columns import Column, convert
+from stemwatch.connectors.historian.times.instants import Instants, local_instants
+from stemwatch.connectors.historian.times.time_column import read_instants
 
 PARAMETERS = ("tag", "start", "end")
 _QUOTED = re.compile(r"'(?:[^']|'')*'|\"(?:[^\"]|\"\")*\"|`[^`]*`|\[[^\]\n]*\]")

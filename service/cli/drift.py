@@ -110,8 +110,8 @@ def _ratio_table(followed: Sequence[Followed]) -> Table:
 def _alarm_table(followed: Sequence[Followed], named: dict[str, float]) -> Table:
     from rich.table import Table
 
+    from stemwatch.service.studies.detection_rates import wilson
     from stemwatch.service.studies.drift import alarms
-    from stemwatch.service.studies.wilson import wilson
 
     table = Table(title="Alarms", title_justify="left")
     for name in ("limit", "valves"):

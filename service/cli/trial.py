@@ -53,8 +53,8 @@ def _print(marks: Sequence[Marked]) -> None:
     from rich.table import Table
 
     from stemwatch.service.cli import views
+    from stemwatch.service.studies.detection_rates import wilson
     from stemwatch.service.studies.trial import accuracy, rates, shapes
-    from stemwatch.service.studies.wilson import wilson
 
     table = Table(title="Verdicts", title_justify="left")
     for name in ("loops", "verdict", "count", "share", "95 % interval"):

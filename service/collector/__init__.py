@@ -7,7 +7,7 @@ and a killed process loses at most the poll in progress.
 
 from stemwatch.service.collector.collector import Collector as Collector
 from stemwatch.service.collector.collector import collect as collect
-from stemwatch.service.collector.sample_sink import SampleSink as SampleSink
-from stemwatch.service.collector.sample_sink import SinkRefused as SinkRefused
+from stemwatch.service.collector.forwarder import SampleSink as SampleSink
+from stemwatch.service.collector.forwarder import SinkRefused as SinkRefused
 from stemwatch.service.collector.spool import Spool as Spool
 from stemwatch.service.collector.spool import SpoolError as SpoolError

@@ -11,8 +11,7 @@ from queue import SimpleQueue
 
 from stemwatch.connectors.modbus import Device, DevicePoller, SampleBatch
 from stemwatch.connectors.modbus.device_state import DeviceState
-from stemwatch.service.collector.forwarder import Forwarder, ForwarderState
-from stemwatch.service.collector.sample_sink import SampleSink
+from stemwatch.service.collector.forwarder import Forwarder, ForwarderState, SampleSink
 from stemwatch.service.collector.spool import Spool
 
 log = logging.getLogger(__name__)

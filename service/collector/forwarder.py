@@ -1,4 +1,5 @@
-"""``Forwarder``: brings batches from the spool to the sink, in order, retrying until stored."""
+"""``Forwarder``: brings batches from the spool to the sink, in order, retrying until stored; and
+``SampleSink``, the interface by which it stores them."""
 
 from __future__ import annotations
 
@@ -9,10 +10,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from itertools import groupby
+from typing import Protocol
 
 from stemwatch.connectors.modbus.backoff import Backoff
 from stemwatch.connectors.modbus.sample_batch import SampleBatch, joined
-from stemwatch.service.collector.sample_sink import SampleSink, SinkRefused
 from stemwatch.service.collector.spool import Position, Spool, Waiting
 
 log = logging.getLogger(__name__)
@@ -21,6 +22,24 @@ MAX_SAMPLES = 20_000  # in one write, unless a single poll has more
 LONGEST_WAIT_S = 30.0
 REFUSED = "refused"
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+class SinkRefused(Exception):
+    """These samples can never be stored; the text says why. The collector writes them to a file,
+    so that they do not hold up later ones."""
+
+
+class SampleSink(Protocol):
+    """Stores samples permanently.
+
+    ``write`` returns when every sample of ``batch`` is committed. It is called from one thread,
+    which is not the event loop's. It must be idempotent by ``(source, tag, at)``: after a crash
+    between storing and acknowledging, a batch is written again, and existing samples must stay
+    unchanged. Raises ``SinkRefused`` for a batch that can never be stored; after any other
+    exception the batch is written again later.
+    """
+
+    def write(self, batch: SampleBatch) -> None: ...
 
 
 @dataclass

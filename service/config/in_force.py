@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from stemwatch.connectors.toml_value import toml_value
+from stemwatch.connectors.settings import toml_value
 from stemwatch.models.limits import Limits
 from stemwatch.service.config.load import LimitsTable
 from stemwatch.service.config.plant import Plant

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from stemwatch.connectors.toml_value import toml_value
+from stemwatch.connectors.settings import toml_value
 from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator import PlantLoop
 from stemwatch.service.modbus_plant.register_layout import (

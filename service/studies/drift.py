@@ -28,8 +28,7 @@ from stemwatch.models.studies.simulator import (
 )
 from stemwatch.models.studies.simulator.draw_parts import draw_setpoints
 from stemwatch.service.executors import Executor, map_in_order
-from stemwatch.service.studies.roc import area_estimate
-from stemwatch.service.studies.wilson import wilson
+from stemwatch.service.studies.detection_rates import area_estimate, wilson
 
 WINDOWS, WINDOW_S = 6, 600.0
 TARGET = 0.95  # area under the curve that the indicator is meant to reach

@@ -26,8 +26,8 @@ from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_nulls
 from stemwatch.models.studies.simulator.loop import PlantLoop
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.executors import Executor, map_in_order
+from stemwatch.service.studies.detection_rates import wilson
 from stemwatch.service.studies.partial_results import append_line, stored_lines
-from stemwatch.service.studies.wilson import wilson
 
 Change = Callable[[Recording], Recording]
 

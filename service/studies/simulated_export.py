@@ -17,7 +17,7 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
-from stemwatch.connectors.toml_value import toml_value
+from stemwatch.connectors.settings import toml_value
 from stemwatch.models.recording import Floats, Quality, Recording, Role, Signal
 from stemwatch.models.studies.simulator import SimulatedLoop
 

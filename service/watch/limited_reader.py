@@ -18,9 +18,9 @@ import numpy as np
 
 from stemwatch.connectors.connector import ConnectorError, UnknownTag
 from stemwatch.connectors.historian import ReadOptions
+from stemwatch.connectors.historian.columns import Column
 from stemwatch.connectors.historian.opened_file import OpenedFile, open_file
 from stemwatch.connectors.historian.recordings import find_tag
-from stemwatch.connectors.historian.values.columns import Column
 from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.models.recording import Quality
 from stemwatch.service.process_lifecycle import begin_child, starting_quietly, worker_context

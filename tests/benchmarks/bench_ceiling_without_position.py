@@ -23,7 +23,7 @@ import numpy as np
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.loops.draws import WARM_UP, DrawnLoop, LoopScans, draw_with_scans
 from stemwatch.models.without_position.suspicion import Suspicion, trained_judge
-from stemwatch.service.studies.roc import area_under_roc
+from stemwatch.service.studies.detection_rates import area_under_roc
 from stemwatch.service.studies.without_position.count import studied
 from stemwatch.service.studies.without_position.draw import LoopToDraw, look_item
 from tests.benchmarks.stem_filter import (

@@ -30,7 +30,7 @@ from stemwatch.models.without_position.suspicion import (
     trained_judge,
     usable_signals,
 )
-from stemwatch.service.studies.roc import area_under_roc, sensitivity
+from stemwatch.service.studies.detection_rates import area_under_roc, sensitivity
 from stemwatch.service.studies.without_position.draw import FAMILIES, LoopToDraw
 from tests.benchmarks.followed_stem import NAMES, followed_stem
 

@@ -27,7 +27,7 @@ from stemwatch.models.without_position.suspicion import (
     look_at_loop,
     trained_judge,
 )
-from stemwatch.service.studies.roc import area_under_roc
+from stemwatch.service.studies.detection_rates import area_under_roc
 
 GAIN = NAMES.index("gain of both at 25 to a period")
 

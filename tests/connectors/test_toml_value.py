@@ -7,7 +7,7 @@ import tomllib
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from stemwatch.connectors.toml_value import toml_value
+from stemwatch.connectors.settings import toml_value
 
 TEXTS = st.text(st.characters(exclude_categories=["Cs"]))
 VALUES = TEXTS | st.booleans() | st.integers(-(2**63), 2**63 - 1)

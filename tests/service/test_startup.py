@@ -12,7 +12,7 @@ pytestmark = pytest.mark.early
 
 REPOSITORY = Path(__file__).parents[2]
 # The process that workers are forked from loads what they train with.
-PRELOAD = "stemwatch.service.executors.worker_preload"
+PRELOAD = "stemwatch.service.run.worker_preload"
 ROOMS = ("stemwatch", "connectors", "service")
 
 # In a fresh interpreter, one after the other: where torch is not there at the end, none loaded it.

@@ -7,8 +7,8 @@ from importlib import import_module
 from pkgutil import iter_modules
 from typing import Protocol
 
+from stemwatch.connectors.historian.raw_table import RawTable
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
-from stemwatch.connectors.historian.tables.raw_table import RawTable
 
 
 class Layout(Protocol):

@@ -6,10 +6,10 @@ good here; ``QualityDetail`` and ``OPCQuality`` are OPC codes, 192 good, and pre
 
 from __future__ import annotations
 
+from stemwatch.connectors.historian.raw_table import RawTable
 from stemwatch.connectors.historian.tables.header_table import read_header_table, required_column
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
 from stemwatch.connectors.historian.tables.narrow import NarrowColumns, narrow_table, pick
-from stemwatch.connectors.historian.tables.raw_table import RawTable
 
 
 class AvevaHistory:

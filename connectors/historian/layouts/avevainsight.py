@@ -5,10 +5,10 @@ UTF-8, ISO 8601 with ``Z`` or offset, decimal point, no thousands marks.
 
 from __future__ import annotations
 
+from stemwatch.connectors.historian.raw_table import RawTable
 from stemwatch.connectors.historian.tables.header_table import read_header_table, required_column
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
 from stemwatch.connectors.historian.tables.narrow import NarrowColumns, narrow_table, pick
-from stemwatch.connectors.historian.tables.raw_table import RawTable
 
 _OPTIONAL = {"operation", "format", "opcquality"}
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import re
 
 from stemwatch.connectors.historian.layouts.generic import parse_table
+from stemwatch.connectors.historian.raw_table import RawTable
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
-from stemwatch.connectors.historian.tables.raw_table import RawTable
 
 _SIGNS = re.compile(
     r"오전|오후|\[-110\d\d\]|No Good Data For Calculation|Resize to show all values|"

@@ -9,8 +9,8 @@ from __future__ import annotations
 import re
 
 from stemwatch.connectors.historian.layouts.generic import parse_table
+from stemwatch.connectors.historian.raw_table import RawTable
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
-from stemwatch.connectors.historian.tables.raw_table import RawTable
 
 _TAG = re.compile(r"[^,;\t\"/]{1,80}/[^,;\t\"/]{1,80}/[A-Z_0-9]{1,40}\.(?:CV|ACTUAL|ST)\b")
 

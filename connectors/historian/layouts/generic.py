@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.raw_table import RawTable
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
 from stemwatch.connectors.historian.tables.narrow import (
     ATTRIBUTE_NAMES,
@@ -18,7 +19,6 @@ from stemwatch.connectors.historian.tables.narrow import (
     narrow_table,
     pick,
 )
-from stemwatch.connectors.historian.tables.raw_table import RawTable
 from stemwatch.connectors.historian.tables.rows import Rows
 from stemwatch.connectors.historian.tables.structure import (
     Structure,

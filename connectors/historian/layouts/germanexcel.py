@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 
 from stemwatch.connectors.historian.layouts.generic import parse_table
+from stemwatch.connectors.historian.raw_table import RawTable
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
-from stemwatch.connectors.historian.tables.raw_table import RawTable
 
 _HEADER = re.compile(r'^"?(?:Zeitstempel|Zeit|Datum|Uhrzeit)\b[^;]*"?;', re.I)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.layouts.generic import parse_table
+from stemwatch.connectors.historian.raw_table import RawColumn, RawTable, RawTimes
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
-from stemwatch.connectors.historian.tables.raw_table import RawColumn, RawTable, RawTimes
 from stemwatch.connectors.historian.tables.rows import split_rows
 from stemwatch.connectors.historian.tables.wide import unique_tags
 

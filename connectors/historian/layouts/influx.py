@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.raw_table import RawTable
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
 from stemwatch.connectors.historian.tables.narrow import NarrowColumns, narrow_table
-from stemwatch.connectors.historian.tables.raw_table import RawTable
 from stemwatch.connectors.historian.tables.rows import Rows
 from stemwatch.connectors.historian.values.stored_text import make_of_rows
 

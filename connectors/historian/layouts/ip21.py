@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from stemwatch.connectors.historian.layouts.generic import parse_table
+from stemwatch.connectors.historian.raw_table import RawTable
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
-from stemwatch.connectors.historian.tables.raw_table import RawTable
 
 
 class Ip21:

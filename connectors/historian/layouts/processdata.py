@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.raw_table import RawColumn, RawTable, RawTimes
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
-from stemwatch.connectors.historian.tables.raw_table import RawColumn, RawTable, RawTimes
 
 _FIRST = 5
 # Flag column of each role's suffix: the archive repeated the value before.

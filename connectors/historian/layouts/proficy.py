@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 
 from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.raw_table import RawTable
 from stemwatch.connectors.historian.tables.header_table import (
     HeaderTable,
     read_header_table,
@@ -23,7 +24,6 @@ from stemwatch.connectors.historian.tables.narrow import (
     narrow_table,
     pick,
 )
-from stemwatch.connectors.historian.tables.raw_table import RawTable
 from stemwatch.connectors.historian.tables.rows import Rows, split_rows
 from stemwatch.connectors.historian.values.stored_text import change_each
 

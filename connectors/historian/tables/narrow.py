@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.raw_table import Index, RawColumn, RawTable, RawTimes
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
-from stemwatch.connectors.historian.tables.raw_table import Index, RawColumn, RawTable, RawTimes
 from stemwatch.connectors.historian.values.quality_codes import Family
 from stemwatch.connectors.historian.values.stored_text import (
     Kinds,

@@ -1,24 +1,24 @@
-"""A wide table: one time column, one column per tag, status columns beside them."""
+"""A wide table: one time column, one column per tag, status columns beside them; or time, value,
+time, value, where tags have time columns of their own."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stemwatch.connectors.historian.raw_table import Index, RawColumn, RawTable, RawTimes
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.tables.layout_input import Body, LayoutInput
-from stemwatch.connectors.historian.tables.raw_table import RawColumn, RawTable, RawTimes
-from stemwatch.connectors.historian.tables.structure import Names, Structure, column_names
-from stemwatch.connectors.historian.tables.text_pieces import NotInPieces
-from stemwatch.connectors.historian.tables.time_value_pairs import (
-    TimedColumns,
-    names_beside_times,
-    rows_of_groups,
-    timed_columns,
+from stemwatch.connectors.historian.tables.structure import (
+    Names,
+    Structure,
+    column_names,
+    is_time_name,
 )
+from stemwatch.connectors.historian.tables.text_pieces import NotInPieces
 from stemwatch.connectors.historian.values.numbers import parse_numbers
 from stemwatch.connectors.historian.values.quality_codes import looks_like_codes
 from stemwatch.connectors.historian.values.stored_text import StoredText, joined
@@ -33,6 +33,15 @@ _INTERVAL_NAME = re.compile(
 _INTERVAL_UNIT_S = {"ms": 1e-3, "min": 60.0}
 _LOOKED_AT = 20_000  # rows of a large file checked for a column with the same value in each
 _STATUS = ("status", "quality", "qualität", "qualitaet", "qual", "qstatus", "opcquality", "state")
+_NUMBERED = re.compile(r"[ ._]?\(?[0-9]+\)?$")  # the second of two equal headings: Time.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class _TimedColumns:
+    """A time column with the columns that it times, as numbers of columns."""
+
+    time: int
+    values: tuple[int, ...]
 
 
 def wide_table(
@@ -40,7 +49,7 @@ def wide_table(
 ) -> RawTable:
     """The table of a file whose rows of data are ``body``."""
     names = column_names(structure)
-    groups = () if source.options.time_column else timed_columns(structure, names)
+    groups = () if source.options.time_column else _timed_columns(structure, names)
     if groups:
         return _timed_apart(source, body, names, groups, separator)
     times, used = _times(body, structure, names, source)
@@ -62,14 +71,14 @@ def _timed_apart(
     source: LayoutInput,
     body: Body,
     names: Names,
-    groups: Sequence[TimedColumns],
+    groups: Sequence[_TimedColumns],
     separator: str,
 ) -> RawTable:
     """The table of a file whose tags have times of their own."""
     if isinstance(body.columns[0], StoredText):
         raise NotInPieces
-    names = names_beside_times(names, groups)
-    parts = rows_of_groups(body, groups)
+    names = _names_beside_times(names, groups)
+    parts = _rows_of_groups(body, groups)
     columns: list[RawColumn] = []
     for group, part in zip(groups, parts, strict=True):
         others = set(range(len(names.tags))) - set(group.values)
@@ -86,6 +95,57 @@ def _timed_apart(
         separator=separator,
         narrow=True,
     )
+
+
+def _timed_columns(structure: Structure, names: Names) -> tuple[_TimedColumns, ...]:
+    """The columns by their time column, the nearest to the left; none where one column times the
+    whole table, where a time column has no value beside it, as a second stamp of each row, or where
+    its heading says that it is something else."""
+    times = sorted({*structure.time, *structure.other_times})
+    if len(structure.time) != 1 or len(times) < 2 or times[0] != structure.time[0]:
+        return ()
+    ends = [*times[1:], structure.width]
+    groups = tuple(
+        _TimedColumns(time=time, values=tuple(range(time + 1, end)))
+        for time, end in zip(times, ends, strict=True)
+    )
+    are_pairs = all(group.values and _heads_a_time(group, names) for group in groups)
+    return groups if are_pairs else ()
+
+
+def _heads_a_time(group: _TimedColumns, names: Names) -> bool:
+    heading = _NUMBERED.sub("", names.tags[group.time])
+    return is_time_name(heading) or not names.tags[group.values[0]]
+
+
+def _names_beside_times(names: Names, groups: Sequence[_TimedColumns]) -> Names:
+    """``names``, where a heading stands over the time of a tag and not over its value."""
+    tags = list(names.tags)
+    for group in groups:
+        over_time, first = tags[group.time], group.values[0]
+        if not tags[first] and over_time and not is_time_name(over_time):
+            tags[first] = over_time
+    return replace(names, tags=tags)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _RowsOfGroup:
+    """The rows of ``body`` that have a time of the group, and their places among all such rows."""
+
+    body: Body
+    rows: Index
+
+
+def _rows_of_groups(body: Body, groups: Sequence[_TimedColumns]) -> list[_RowsOfGroup]:
+    """The rows of each group in turn: below each other they are the rows of the table."""
+    parts, begin = [], 0
+    for group in groups:
+        kept = [row for row, text in enumerate(body.columns[group.time]) if text.strip()]
+        columns = [[cells[row] for row in kept] for cells in body.columns]
+        part = Body(columns, [body.numbers[row] for row in kept])
+        parts.append(_RowsOfGroup(body=part, rows=np.arange(begin, begin + len(kept))))
+        begin += len(kept)
+    return parts
 
 
 def _times(

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from stemwatch.connectors.connector import TagInfo
 from stemwatch.connectors.historian.tags.tag_names import (
     TagName,
     instrument,
@@ -42,6 +43,19 @@ class Candidate:
     role: Role | None = None
     valve: str = ""
     remark: str = ""
+
+    def info(self, samples: int = 0, facts: Mapping[str, float] | None = None) -> TagInfo:
+        """The tag as its source lists it, with so many ``samples`` and the ``facts`` it knows."""
+        return TagInfo(
+            tag=self.tag,
+            unit=self.unit,
+            description=self.description,
+            samples=samples,
+            proposed_role=self.role,
+            proposed_valve=self.valve,
+            remark=self.remark,
+            facts=dict(facts or {}),
+        )
 
 
 def propose_roles(

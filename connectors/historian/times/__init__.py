@@ -1,1 +1,1 @@
-"""From time texts to instants: their format, day and month, zone, and the clock of the source."""
+"""From time texts to instants: their format, day and month, and zone."""

@@ -1,10 +1,9 @@
-"""The time column as a whole: instants in nanoseconds, and what is known of their zone."""
+"""The time column as a whole: the instant of every row, whatever its text is."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,14 +11,20 @@ from numpy.typing import NDArray
 
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.historian.raw_table import RawTable
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.tables.raw_table import Index, RawTable
-from stemwatch.connectors.historian.times.clock_put_back import after_clock_change
 from stemwatch.connectors.historian.times.day_month_order import local_ns
+from stemwatch.connectors.historian.times.instants import (
+    SECOND_NS,
+    Instants,
+    in_zone,
+    parts,
+    rows_of_tags,
+)
+from stemwatch.connectors.historian.times.numeric_times import SAY_INTERVAL, numeric_instants
 from stemwatch.connectors.historian.times.row_spacing import (
     Spread,
     at_interval,
-    counts_rows,
     evenly_within_stamps,
 )
 from stemwatch.connectors.historian.times.time_fields import (
@@ -30,45 +35,15 @@ from stemwatch.connectors.historian.times.time_fields import (
     time_fields,
 )
 from stemwatch.connectors.historian.times.time_of_day import are_times_of_day, times_of_day
-from stemwatch.connectors.historian.times.zones import to_utc
 from stemwatch.connectors.historian.values.numbers import parse_numbers
 from stemwatch.connectors.historian.values.stored_text import (
     StoredText,
     cells_at,
     neighbours_once,
 )
-from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.recording import Bools
 
-_ROWS_AT_ONCE = 1 << 20
 _LOOKED_AT = 20_000  # rows of a large file that show whether it repeats its rows
-_SECOND_NS = 1_000_000_000
-_MAX_SECONDS = 4e9  # s; larger relative times are not in seconds
-# Epoch times between 1980 and 2100, by their unit.
-_EPOCHS = (("seconds", 1e9), ("milliseconds", 1e6), ("microseconds", 1e3), ("nanoseconds", 1.0))
-_EPOCH_SPAN_S = (315_532_800.0, 4_102_444_800.0)
-_EXCEL_DAYS = (25_569.0, 73_050.0)
-_UNIT_NS = {"ms": 1e6, "us": 1e3, "µs": 1e3, "ns": 1.0, "min": 60e9, "h": 3600e9, "d": 86400e9}
-_UNIT = re.compile(r"(?:_|\(|\[|\s)(ms|us|µs|ns|min|h|d)\s*[\])]?$")
-_SECONDS = re.compile(r"(?:^|[_(\[\s])(?:s|sec|secs|seconds?|sekunden)\s*[\])]?$", re.I)
-_SAY_INTERVAL = "say interval_s (--interval-s on the command line)"
-_OR_ROWS = f" If it only counts rows, {_SAY_INTERVAL}."
-_UTC_NAME = re.compile(r"(?:^|[^A-Za-z])(?:utc|gmt)(?:$|[^A-Za-z])", re.I)
-_DATE_NAME = re.compile(r"date|datum|stamp|zeit", re.I)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Instants:
-    """(n,) nanoseconds: since 1970 UTC where ``in_utc``, else on a clock of unknown date."""
-
-    ns: Ints
-    ok: Bools
-    in_utc: bool
-    zone: str  # one sentence
-
-    @property
-    def shared(self) -> bool:
-        """Whether most rows have the time of the row before."""
-        return bool(self.ok.all() and self.ns.size > 1 and (np.diff(self.ns) == 0).mean() >= 0.4)
 
 
 def read_instants(
@@ -98,10 +73,10 @@ def _written(table: RawTable, options: ReadOptions, name: str, notes: ReadingNot
         notes.use("time_format")
         instants = _by_format(texts, options.time_format, table, options, name, notes)
     elif are_times_of_day(texts):
-        ns, ok = times_of_day(list(texts), _groups(table), table.times.name, notes)
+        ns, ok = times_of_day(list(texts), rows_of_tags(table), table.times.name, notes)
         instants = Instants(ns=ns, ok=ok, in_utc=False, zone="The times have no date.")
     else:
-        instants = _numeric(texts, table, options, notes)
+        instants = numeric_instants(texts, table, options, notes)
     if instants is None:
         instants = _dated(texts, table, options, name, notes)
     if not instants.ok.any():
@@ -146,7 +121,7 @@ def _with_cut_stamps(
         notes.problem(
             f"column {column!r} gives most rows the time of the row before, and not evenly; of "
             "these only the last is kept. Export with seconds, or "
-            f"{_SAY_INTERVAL}"
+            f"{SAY_INTERVAL}"
         )
     _compare_with_file(instants, table, notes)
     return instants
@@ -189,7 +164,7 @@ def _compare_with_file(instants: Instants, table: RawTable, notes: ReadingNotes)
             notes.problem(f"{says}interval_s {step_s:g} s; interval_s was taken")
             return
         dated = instants.in_utc or bool(instants.zone)
-        advice = "" if dated else f". If it is the other, {_SAY_INTERVAL}"
+        advice = "" if dated else f". If it is the other, {SAY_INTERVAL}"
         notes.problem(
             f"{says}column {table.times.name!r} {step_s:g} s; the times were taken{advice}"
         )
@@ -219,7 +194,7 @@ def _row_count_instants(
     if interval_s is None:
         raise UnreadableSource(
             f"{name}: there is no time column and nothing tells the interval of the rows; "
-            f"{_SAY_INTERVAL}, or time_column (--time-column) if a column holds the time"
+            f"{SAY_INTERVAL}, or time_column (--time-column) if a column holds the time"
         )
     origin = "as given" if given else f"as column {table.interval_name!r} says"
     notes.decide(f"There is no time column; the rows are {interval_s:g} s apart, {origin}.")
@@ -231,136 +206,6 @@ def _row_count_instants(
     n = len(table.numbers)
     ns = np.round(np.arange(n) * interval_s * 1e9).astype(np.int64)
     return Instants(ns=ns, ok=np.ones(n, dtype=bool), in_utc=False, zone="")
-
-
-def _numeric(
-    texts: Sequence[str], table: RawTable, options: ReadOptions, notes: ReadingNotes
-) -> Instants | None:
-    """Epoch times, Excel day numbers or seconds since the start; ``None`` where texts are dates."""
-    probe = [text for text in texts[:200] if text]
-    if not probe or np.isfinite(parse_numbers(probe, ".")).mean() < 0.8:
-        decimal = "," if probe and np.isfinite(parse_numbers(probe, ",")).mean() >= 0.8 else ""
-        if not decimal:
-            return None
-    else:
-        decimal = "."
-    if len(probe[0]) == 14 and time_fields(probe[:1]).order[0] != Order.UNREADABLE:
-        return None
-    numbers = parse_numbers(texts, decimal)
-    ok = np.isfinite(numbers)
-    middle = float(np.median(numbers[ok]))
-    for unit, ns_each in _EPOCHS:
-        low, high = (bound * _SECOND_NS / ns_each for bound in _EPOCH_SPAN_S)
-        if low <= middle <= high:
-            notes.decide(f"The times are Unix {unit}, in UTC.")
-            return _epoch(texts, numbers, ok & (numbers >= low) & (numbers <= high), ns_each)
-    return _relative(numbers, ok, table, options, notes)
-
-
-def _epoch(texts: Sequence[str], numbers: Floats, ok: Bools, ns_each: float) -> Instants:
-    whole_numbers = np.floor(np.where(ok, numbers, 0.0))
-    fraction = np.where(ok, numbers, 0.0) - whole_numbers
-    # A double holds 2**53 exactly; nanoseconds since 1970 need integers of their own. With a point
-    # or an exponent the file itself has no more than a double: right to 256 ns.
-    if ns_each == 1.0:
-        rows = zip(texts, ok.tolist(), whole_numbers.tolist(), strict=True)
-        whole_ns = np.array(
-            [int(text) if good and text.isdecimal() else int(whole) for text, good, whole in rows],
-            dtype=np.int64,
-        )
-    else:
-        whole_ns = whole_numbers.astype(np.int64) * int(ns_each)
-    ns = whole_ns + np.round(fraction * ns_each / 1e3).astype(np.int64) * 1000
-    return Instants(ns=ns, ok=ok, in_utc=True, zone="The times are Unix times, in UTC.")
-
-
-def _relative(
-    numbers: Floats, ok: Bools, table: RawTable, options: ReadOptions, notes: ReadingNotes
-) -> Instants:
-    header = table.times.name
-    if _are_excel_days(numbers[ok], header):
-        return _excel_days(numbers, ok, table, options, notes)
-    unit = _UNIT.search(header)
-    scale = _UNIT_NS[unit[1]] if unit else 1e9
-    ok = ok & (np.abs(numbers) < _MAX_SECONDS * 1e9 / scale)
-    spaced_instants = _spaced(numbers, ok, scale, table, options, notes)
-    if spaced_instants is not None:
-        return spaced_instants
-    named = unit[1] if unit else "seconds"
-    unsure = "" if unit or _SECONDS.search(header) or not counts_rows(numbers[ok]) else _OR_ROWS
-    notes.decide(
-        f"The numbers of column {header!r} are {named} since a start that the file does not date."
-        f"{unsure}"
-    )
-    ns = np.round(np.where(ok, numbers, 0.0) * scale).astype(np.int64)
-    return Instants(ns=ns, ok=ok, in_utc=False, zone="")
-
-
-def _spaced(
-    numbers: Floats,
-    ok: Bools,
-    scale: float,
-    table: RawTable,
-    options: ReadOptions,
-    notes: ReadingNotes,
-) -> Instants | None:
-    """Rows as far apart as the user or a column of the file says, where ``numbers`` only count
-    them or are not what the user says they are; ``None`` where the numbers are times."""
-    if table.narrow:
-        return None
-    header, interval_s = table.times.name, options.interval_s
-    is_counter = counts_rows(numbers[ok])
-    if interval_s is not None:
-        steps = np.diff(numbers[ok])
-        notes.use("interval_s")
-        if (
-            steps.size
-            and abs(float(np.median(steps)) * scale - interval_s * 1e9) < 1e-6 * interval_s * 1e9
-        ):
-            return None  # the numbers agree, and also show missing rows
-        reason = "only counts them" if is_counter else "is not used as time"
-        notes.decide(f"The rows are {interval_s:g} s apart, as given; column {header!r} {reason}.")
-        return _rows_apart(numbers, ok, interval_s, is_counter)
-    if table.interval_s is None or not is_counter or _SECONDS.search(header):
-        return None
-    notes.decide(
-        f"The rows are {table.interval_s:g} s apart, as column {table.interval_name!r} says; "
-        f"column {header!r} only counts them."
-    )
-    return _rows_apart(numbers, ok, table.interval_s, is_counter)
-
-
-def _rows_apart(numbers: Floats, ok: Bools, interval_s: float, is_counter: bool) -> Instants:
-    """Rows at their number where they are counted, so that missing rows stay missing."""
-    row_number = (
-        np.where(ok, numbers - numbers[ok][0], 0.0) if is_counter else np.arange(numbers.size)
-    )
-    ns = np.round(row_number * (interval_s * 1e9)).astype(np.int64)
-    return Instants(ns=ns, ok=ok if is_counter else np.ones_like(ok), in_utc=False, zone="")
-
-
-def _excel_days(
-    numbers: Floats, ok: Bools, table: RawTable, options: ReadOptions, notes: ReadingNotes
-) -> Instants:
-    ns = np.round((np.where(ok, numbers, 0.0) - _EXCEL_DAYS[0]) * 86_400e3).astype(np.int64)
-    ns *= 1_000_000
-    if options.zone is not None:
-        notes.decide(f"The numbers of column {table.times.name!r} are Excel days.")
-        return _in_zone(ns, ok, np.full(ns.size, NO_OFFSET, dtype=np.int64), table, options, notes)
-    notes.decide(
-        f"The numbers of column {table.times.name!r} are Excel days; their zone is not known."
-    )
-    return Instants(ns=ns, ok=ok, in_utc=False, zone="The times are Excel days without a zone.")
-
-
-def _are_excel_days(numbers: Floats, header: str) -> bool:
-    """Day numbers of 1970 to 2100 under a header that names a date, or in steps of minutes."""
-    if not ((numbers >= _EXCEL_DAYS[0]) & (numbers <= _EXCEL_DAYS[1])).all():
-        return False
-    if _DATE_NAME.search(header):
-        return True
-    steps = np.abs(np.diff(numbers))
-    return bool(header.strip().lower() == "time" and steps.size and np.median(steps) < 0.05)
 
 
 def _by_format(
@@ -387,7 +232,7 @@ def _by_format(
     ns = local.dt.as_unit("ns").fillna(pd.Timestamp(0)).to_numpy().astype(np.int64)
     notes.decide(f"The times were read by the given format {time_format!r}.")
     offsets = np.full(ns.size, 0 if aware else NO_OFFSET, dtype=np.int64)
-    return _in_zone(ns, ok, offsets, table, options, notes)
+    return in_zone(ns, ok, offsets, table, options, notes)
 
 
 def _dated(
@@ -396,7 +241,7 @@ def _dated(
     if isinstance(texts, StoredText):
         in_pieces = _in_pieces(texts, name, notes)
         if in_pieces is not None:
-            return _in_zone(*in_pieces, table, options, notes)
+            return in_zone(*in_pieces, table, options, notes)
         texts = list(texts)
     fields = time_fields(texts)
     if (fields.order == Order.NUMERIC).any():
@@ -405,7 +250,7 @@ def _dated(
     example = texts[int(readable[0])] if readable.size else ""
     day_first = table.times.day_first if options.day_first is None else options.day_first
     ns, ok = local_ns(fields, day_first, name, example, notes)
-    return _in_zone(ns, ok, fields.offset_min, table, options, notes)
+    return in_zone(ns, ok, fields.offset_min, table, options, notes)
 
 
 def _in_pieces(
@@ -435,86 +280,6 @@ def _in_pieces(
     return ns, ok, offsets
 
 
-def _groups(table: RawTable) -> list[Index | None]:
-    """The rows of each tag where each has its own times; else all rows together."""
-    return [column.rows for column in table.columns] if table.narrow else [None]
-
-
-def _in_zone(
-    ns: Ints,
-    ok: Bools,
-    offset_min: Ints | NDArray[np.int32],
-    table: RawTable,
-    options: ReadOptions,
-    notes: ReadingNotes,
-) -> Instants:
-    """Instants from local nanoseconds and the offsets the rows carry, or the zone the user gave."""
-    aware = ok & (offset_min != NO_OFFSET)
-    naive = ok & ~aware  # which no offset moves
-    if aware.any():
-        for part in _parts(ns.size):
-            east = np.where(aware[part], offset_min[part], 0).astype(np.int64)
-            ns[part] -= east * (60 * _SECOND_NS)
-    utc = ns
-    if not naive.any():
-        offsets = offset_min if ok.all() else offset_min[ok]
-        return Instants(ns=utc, ok=ok, in_utc=True, zone=_offset_sentence(offsets, notes))
-    if _UTC_NAME.search(table.times.name):
-        notes.decide("The times are UTC by the name of their column.")
-        return Instants(ns=utc, ok=ok, in_utc=True, zone="The times are written in UTC.")
-    if options.zone is not None:
-        notes.use("zone")
-        return _localised(ns, utc, naive, aware, options.zone, table, options, notes)
-    if aware.any():
-        n = int(naive.sum())
-        notes.problem(f"{n} times have no offset while others do, and no zone was given; left out")
-        return Instants(
-            ns=utc, ok=aware, in_utc=True, zone=_offset_sentence(offset_min[aware], notes)
-        )
-    return undated(after_clock_change(ns, ok, _groups(table), notes), ok, notes)
-
-
-def undated(ns: Ints, ok: Bools, notes: ReadingNotes) -> Instants:
-    """Local times of a zone that nobody gave: instants on a clock of unknown date."""
-    zone = "The times have no zone and none was given: durations are right, the date is not known."
-    notes.decide(zone)
-    return Instants(ns=ns, ok=ok, in_utc=False, zone=zone)
-
-
-def _localised(
-    ns: Ints,
-    utc: Ints,
-    naive: Bools,
-    aware: Bools,
-    zone: str,
-    table: RawTable,
-    options: ReadOptions,
-    notes: ReadingNotes,
-) -> Instants:
-    local_utc, is_placed = to_utc(
-        ns if naive.all() else ns.copy(),
-        naive,
-        zone,
-        ambiguous_hour=options.ambiguous_hour,
-        missing_hour=options.missing_hour,
-        groups=_groups(table),
-        notes=notes,
-    )
-    sentence = f"Times without offset are local times of {zone}."
-    notes.decide(sentence)
-    ns = local_utc if naive.all() else np.where(naive, local_utc, utc)
-    return Instants(ns=ns, ok=is_placed | aware, in_utc=True, zone=sentence)
-
-
-def _offset_sentence(offset_min: Ints | NDArray[np.int32], notes: ReadingNotes) -> str:
-    offsets = {m for part in _parts(offset_min.size) for m in np.unique(offset_min[part]).tolist()}
-    distinct = [f"{m // 60:+03d}:{m % 60:02d}" if m >= 0 else f"-{-m // 60:02d}:{-m % 60:02d}"
-                for m in sorted(offsets)]  # fmt: skip
-    sentence = f"Each time carries its offset from UTC ({', '.join(distinct)})."
-    notes.decide(sentence)
-    return sentence
-
-
 def _with_milliseconds(instants: Instants, table: RawTable) -> Instants:
     if table.times.milliseconds is None:
         return instants
@@ -530,17 +295,11 @@ def _near_together(ns: Ints) -> bool:
     if last - first > 2e18:
         return False
     seconds = np.empty(ns.size, dtype=np.int32)
-    for part in _parts(ns.size):
-        seconds[part] = (ns[part] - first) // _SECOND_NS
+    for part in parts(ns.size):
+        seconds[part] = (ns[part] - first) // SECOND_NS
     low, middle, high = np.percentile(seconds, (2.0, 50.0, 98.0), overwrite_input=True)
     reach = max(middle + 1.0, (last - first) / 1e9 - middle + 1.0)
     return bool(reach < 20.0 * (high - low - 1.0) + 86_400.0)
-
-
-def _parts(size: int) -> Iterator[slice]:
-    """Rows in order, so many at a time that what is made of them needs little memory."""
-    for first in range(0, size, _ROWS_AT_ONCE):
-        yield slice(first, first + _ROWS_AT_ONCE)
 
 
 def _report_unreadable(

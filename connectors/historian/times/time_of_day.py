@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from stemwatch.connectors.historian.raw_table import Index
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.tables.raw_table import Index
 from stemwatch.connectors.historian.times.time_fields import Ints, Order, time_fields
 from stemwatch.connectors.historian.times.time_formats import is_clock_only
 from stemwatch.models.recording import Bools

@@ -7,8 +7,8 @@ the same number may be a good value of another tag.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.signals import forensics
 from stemwatch.models.signals.runs_of_samples import runs_of
@@ -93,7 +93,7 @@ def _far_from_zero(without_zeros: Floats, start: int, stop: int, floor: float) -
     return same_sign and float(np.abs(neighbours).min()) > 20.0 * spread
 
 
-def own_interval(ticks: Ints, values: Floats, *, command: bool) -> float | None:
+def own_interval(ticks: NDArray[np.int64], values: Floats, *, command: bool) -> float | None:
     """Ticks between the column's own samples where they are slower than the clock, else ``None``.
 
     ``ticks`` (n,) are the samples' times in whole intervals. A scan shows as changes on a lattice:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from stemwatch.models.studies.literature.canonical import CANONICAL
 from stemwatch.models.studies.literature.chen import CHEN_TREE
 from stemwatch.models.studies.literature.choudhury import CHOUDHURY_AS_DRAWN, CHOUDHURY_TEXT
-from stemwatch.models.studies.literature.he2 import HE2
-from stemwatch.models.studies.literature.he3 import HE3
+from stemwatch.models.studies.literature.he import HE2, HE3
 from stemwatch.models.studies.literature.kano import KANO, KANO_ASYMMETRIC
 from stemwatch.models.studies.literature.model import ValveModel
 from stemwatch.models.studies.literature.physical.classical import CLASSICAL

@@ -319,6 +319,33 @@ def controller_reading(
 
 
 @compiled()
+def controller_at_scan(
+    pv: float,
+    scan: Floats,
+    output: float,
+    filtered: float,
+    integral: float,
+    c: ControllerNumbers,
+) -> tuple[float, float, float, float]:
+    """(reading, the filter's new state, OP, integral) of one scan: ``scan`` (3,) holds set point,
+    OP in manual (NaN in automatic, +inf to hold ``output``, the last OP) and noise of PV."""
+    read, slope, filtered = controller_reading(pv + scan[2], filtered, c)
+    automatic, manual = np.isnan(scan[1]), output if np.isinf(scan[1]) else scan[1]
+    output, integral = controller_scan(scan[0] - read, slope, integral, automatic, manual, c)
+    return read, filtered, output, integral
+
+
+@compiled(inline="always")
+def write_record(
+    row: Floats, x: float, op: float, read: float, pv: float, linked: float, stroke_m: float
+) -> None:
+    """One row (5,) of the records of ``run_loop``."""
+    # One by one: assigning a whole row would compile numba's error about shapes too.
+    row[0], row[1], row[2] = 100.0 * x / stroke_m, op, read
+    row[3], row[4] = pv, 100.0 * linked / stroke_m
+
+
+@compiled()
 def run_loop(
     dt: float,
     steps: Steps,
@@ -332,10 +359,10 @@ def run_loop(
 ) -> tuple[Floats, int]:
     """Simulate ``steps.total`` steps of ``dt`` seconds from balance at rest.
 
-    ``scans`` (3, s) hold set point, OP in manual (NaN in automatic, +inf to hold the last OP) and
-    noise of PV at each controller scan; ``load`` one value per ``steps.load`` steps; ``upsets``
-    (2, l) the force on the stem in newton and the factor on friction, on the load's grid;
-    ``scatter`` the relative deviation of successive breakaway levels (used in turn).
+    ``scans`` (3, s) hold what ``controller_at_scan`` takes at each scan; ``load`` one value per
+    ``steps.load`` steps; ``upsets`` (2, l) the force on the stem in newton and the factor on
+    friction, on the load's grid; ``scatter`` the relative deviation of successive breakaway levels
+    (used in turn).
 
     Returns ``(records, standings)``: (m, 5) stem position, OP, PV as the controller read it, PV
     without noise, position that the sensor's linkage has, all percent, and the number of times
@@ -357,17 +384,12 @@ def run_loop(
     rest_band = stem.rest_band_m_per_s if valve.packing.bristle_n_per_m > 0.0 else 0.0
     for i in range(steps.total):
         if i % steps.record == steps.record_phase:
-            sensed = 100.0 * linked / stem.stroke_m
-            # One by one: assigning a whole row would compile numba's error about shapes too.
-            row = records[record]
-            row[0], row[1], row[2], row[3], row[4] = 100.0 * x / stem.stroke_m, op, read, pv, sensed
+            write_record(records[record], x, op, read, pv, linked, stem.stroke_m)
             record += 1
         if i % steps.scan == 0:
-            read, slope, filtered = controller_reading(pv + scans[2, scan], filtered, c)
-            automatic, manual = np.isnan(scans[1, scan]), scans[1, scan]
-            hold = op if np.isinf(manual) else manual
-            error = scans[0, scan] - read
-            op, integral = controller_scan(error, slope, integral, automatic, hold, c)
+            read, filtered, op, integral = controller_at_scan(
+                pv, scans[:, scan], op, filtered, integral, c
+            )
             outputs[scan] = op
             scan += 1
         if i >= steps.valve_delay:

@@ -16,9 +16,9 @@ from stemwatch.connectors.connector import (
     Window,
     nearest_names,
 )
+from stemwatch.connectors.historian.columns import Column
 from stemwatch.connectors.historian.recordings import assemble, need_op
 from stemwatch.connectors.historian.times.timeline import Timeline
-from stemwatch.connectors.historian.values.columns import Column
 from stemwatch.models.recording import Recording, Role
 from stemwatch.service.store.samples.samples import SampleStore, StoredTag
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from stemwatch.service.studies.detection_rates import wilson
 from stemwatch.service.studies.proof.answers import BlindAnswer
 from stemwatch.service.studies.proof.figures import heldout, seconds, stiction_errors
 from stemwatch.service.studies.proof.marks import CaseMark, CaseOutcome, mark
@@ -17,7 +18,6 @@ from stemwatch.service.studies.proof.truth import (
     CaseTruth,
     Seal,
 )
-from stemwatch.service.studies.wilson import wilson
 
 RIGHT = (CaseOutcome.EXACT, CaseOutcome.CLASS)
 NO_VERDICT = "not_testable"

@@ -13,7 +13,7 @@ from stemwatch.models.without_position.suspicion import (
     Suspicion,
 )
 from stemwatch.service.executors import Executor, map_in_order
-from stemwatch.service.studies.roc import area_under_roc, sensitivity
+from stemwatch.service.studies.detection_rates import area_under_roc, sensitivity
 from stemwatch.service.studies.without_position.draw import (
     FAMILIES,
     LoopToDraw,

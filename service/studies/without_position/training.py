@@ -9,13 +9,13 @@ from hashlib import sha256
 
 import numpy as np
 
+from stemwatch.models.statistics.quantile_regression import quantile_regression
 from stemwatch.models.studies.loops.examples import (
     LoopExample,
     WindowsExample,
     example,
     windows_example,
 )
-from stemwatch.models.studies.loops.quantile_regression import quantile_regression
 from stemwatch.models.without_position.network import LoopNetwork, packed
 from stemwatch.models.without_position.no_sign import NoSignLimit, columns, logit
 from stemwatch.models.without_position.suspicion import (

@@ -18,9 +18,9 @@ import pytest
 
 from stemwatch.connectors.connector import TagMapping, UnreadableSource, ValveTags
 from stemwatch.connectors.historian import HistorianFile, ReadOptions, opened_file
+from stemwatch.connectors.historian.columns import convert
 from stemwatch.connectors.historian.opened_file import open_file
 from stemwatch.connectors.historian.tables import large_file, text_pieces
-from stemwatch.connectors.historian.values.columns import convert
 from stemwatch.models.recording import Role
 from tests.connectors.historian.example_exports import everything
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stemwatch.connectors.historian.times.source_clock import lay_column, make_grid
+from stemwatch.connectors.historian.columns import Column, own_interval_s, sharing_times
+from stemwatch.connectors.historian.source_clock import lay_column, make_grid
 from stemwatch.connectors.historian.times.timeline import Timeline
-from stemwatch.connectors.historian.values.columns import Column, own_interval_s, sharing_times
 from stemwatch.models.recording import Quality, Role
 
 RNG = np.random.default_rng(2)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stemwatch.models.studies.loops.quantile_regression import quantile_regression
+from stemwatch.models.statistics.quantile_regression import quantile_regression
 from stemwatch.models.without_position.no_sign import LEAST_SHARE, NoSignLimit, columns, logit
 from stemwatch.models.without_position.suspicion import trained_judge
 

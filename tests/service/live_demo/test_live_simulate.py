@@ -13,7 +13,7 @@ import typer
 from stemwatch.connectors.modbus import read_devices
 from stemwatch.connectors.modbus.commissioning import try_map
 from stemwatch.models.studies.simulator import demo_plant
-from stemwatch.service.cli.simulate_modbus import map_table, wear_of
+from stemwatch.service.cli.simulate import map_table, wear_of
 from stemwatch.service.modbus_plant import Wear
 from stemwatch.service.modbus_plant.register_layout import registers
 from stemwatch.service.store.store import open_store

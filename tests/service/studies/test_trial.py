@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from stemwatch.models.studies.simulator import draw_healthy, draw_sticky
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.executors import InProcess
+from stemwatch.service.studies.detection_rates import wilson
 from stemwatch.service.studies.trial import (
     Marked,
     TrialBatch,
@@ -21,7 +22,6 @@ from stemwatch.service.studies.trial import (
     run_trial,
     shapes,
 )
-from stemwatch.service.studies.wilson import wilson
 
 pytestmark = pytest.mark.long  # a study: it simulates, fits and trains from the beginning
 

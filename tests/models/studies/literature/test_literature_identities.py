@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from stemwatch.models.stickslip import kernel
-from stemwatch.models.studies.literature import chen, choudhury, he2, he3, kano, stenman, xch
+from stemwatch.models.studies.literature import chen, choudhury, he, kano, stenman, xch
 from stemwatch.models.studies.literature.canonical import CANONICAL
 from stemwatch.models.studies.literature.chen import CHEN_TREE
 from stemwatch.models.studies.literature.choudhury import CHOUDHURY_AS_DRAWN, CHOUDHURY_TEXT
-from stemwatch.models.studies.literature.he2 import HE2
-from stemwatch.models.studies.literature.he3 import HE3
+from stemwatch.models.studies.literature.he import HE2, HE3
 from stemwatch.models.studies.literature.kano import KANO, KANO_ASYMMETRIC
 from stemwatch.models.studies.literature.stenman import STENMAN
 from stemwatch.models.studies.literature.xch import XCH
@@ -290,8 +289,8 @@ def test_a_flow_force_is_an_error_of_span(signals, name):
 KERNELS = [
     (kano.run_kano, (5.0123, 2.0071, 4.0123, 1.0071)),
     (choudhury.run_choudhury, (5.0123, 2.0071)),
-    (he2.run_he2, (3.5123, 1.5071)),
-    (he3.run_he3, (3.5123, 1.5071, 1.3)),
+    (he.run_he2, (3.5123, 1.5071)),
+    (he.run_he3, (3.5123, 1.5071, 1.3)),
     (stenman.run_stenman, (3.5123,)),
     (xch.run_xch, (3.5123, 1.5071)),
     (chen.run_chen, (3.5123, 1.5071)),

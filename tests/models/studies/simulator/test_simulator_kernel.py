@@ -43,6 +43,7 @@ _COMPILED = (
     "demanded_pressure",
     "between",
     "bristle_speed",
+    "controller_at_scan",
     "controller_reading",
     "controller_scan",
     "friction_level",
@@ -53,6 +54,7 @@ _COMPILED = (
     "stem_speed",
     "valve_step",
     "within_stroke",
+    "write_record",
 )
 _FULL = SimulatedValve(
     S=4.0,

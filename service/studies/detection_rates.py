@@ -1,4 +1,5 @@
-"""How well a score tells two groups apart: the area under the ROC curve, and what a limit finds."""
+"""How often something was found: the share of what was counted, and how well a score tells two
+groups apart (the area under the ROC curve, and what a limit finds)."""
 
 from __future__ import annotations
 
@@ -10,6 +11,21 @@ from stemwatch.models.estimate import NORMAL_95, Estimate
 from stemwatch.models.recording import Floats
 
 _BESIDE = 1e-9  # far below one pair in the largest groups
+
+
+def wilson(hits: int, total: int) -> tuple[float, float]:
+    """95 % interval of the share ``hits`` of ``total``: Wilson (1927).
+
+    doi:10.1080/01621459.1927.10502953. Nothing counted is 0 to 1.
+    """
+    if total == 0:
+        return 0.0, 1.0
+    z, share = NORMAL_95, hits / total
+    middle = share + z * z / (2 * total)
+    half = z * float(np.sqrt(share * (1 - share) / total + z * z / (4 * total * total)))
+    return max((middle - half) / (1 + z * z / total), 0.0), min(
+        (middle + half) / (1 + z * z / total), 1.0
+    )
 
 
 def area_under_roc(good: Floats, bad: Floats) -> float:

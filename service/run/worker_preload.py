@@ -19,8 +19,11 @@ one_thread()  # before numpy is loaded, since its libraries read the environment
 # What is imported here is never garbage: looking for it took a fifth of the time, and would have
 # each worker copy the memory that it shares with this process.
 gc.disable()
-for _module in ("stemwatch.models.screening.screen", "stemwatch.models.narx.training"):
+for _module in (
+    "stemwatch.models.screening.screen",
+    "stemwatch.models.narx.training",
+    "stemwatch.service.run.task",
+):
     import_module(_module)
-import_module("stemwatch.service.run.task")
 gc.freeze()
 gc.enable()

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stemwatch.service.studies.roc import area_estimate
+from stemwatch.service.studies.detection_rates import area_estimate
 
 
 @pytest.mark.parametrize(

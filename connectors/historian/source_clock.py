@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stemwatch.connectors.connector import ConnectorError
+from stemwatch.connectors.historian.columns import Column
 from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.connectors.historian.times.timeline import Timeline, distinct_times, middle
-from stemwatch.connectors.historian.values.columns import Column
 from stemwatch.models.recording import Bools, ClockFacts, Floats, Quality
 
 MAX_SAMPLES = 50_000_000

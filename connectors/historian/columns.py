@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from stemwatch.connectors.historian.raw_table import RawColumn
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.tables.raw_table import RawColumn
-from stemwatch.connectors.historian.times.time_column import Instants
+from stemwatch.connectors.historian.times.instants import Instants
 from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.connectors.historian.times.timeline import Timeline
 from stemwatch.connectors.historian.values import implausible_values
