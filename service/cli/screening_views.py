@@ -51,11 +51,13 @@ def _number(estimate: Estimate) -> str:
 def next_sentence(ranking: Ranking) -> str:
     """What to do with the report, and at which valve a planned test would tell what was left open:
     only what there is, for an order or a plan that cannot be made would be looked for in vain."""
+    from stemwatch.service.presenter.work_decision import can_be_tested
+
     text = "open the report"
     if ranking.counts.needs_work or ranking.counts.orders:
         text += "; the PDF and the work orders beside it go to whoever plans the work"
     open_at = list(
-        dict.fromkeys(one.screening.valve for one in ranking if _can_be_tested(one.screening))
+        dict.fromkeys(one.screening.valve for one in ranking if can_be_tested(one.screening))
     )
     if not open_at:
         return f"{text}."
@@ -64,17 +66,6 @@ def next_sentence(ranking: Ranking) -> str:
         f"{text}. `stemwatch plan-test {open_at[0]}` plans the test that tells what was left open "
         f"there{others}."
     )
-
-
-def _can_be_tested(screening: Screening) -> bool:
-    """Whether ``stemwatch plan-test`` can plan a test that tells what the screening left open."""
-    from stemwatch.service.presenter.work_decision import SIGNAL, obstacle_kind
-
-    if screening.verdict is Verdict.UNDETERMINED:
-        has_signals = screening.open_question is not None
-        return has_signals and obstacle_kind(screening.no_verdict) not in SIGNAL
-    question = None if screening.mismatch is None else screening.mismatch.open_question
-    return question is not None and len(question.quick) > 1
 
 
 def verdict_line(screening: Screening, zone: tzinfo = UTC) -> str:

@@ -257,6 +257,16 @@ def obstacle_kind(no_verdict: NoVerdict | None) -> str:
     return RECORDING if no_verdict is None else KIND_OF.get(no_verdict, RECORDING)
 
 
+def can_be_tested(screening: Screening) -> bool:
+    """Whether a test can be planned that tells what the screening left open: not where the position
+    signal, by which it would be judged, is not there or is to be mended."""
+    if screening.verdict is Verdict.UNDETERMINED:
+        has_signals = screening.open_question is not None
+        return has_signals and obstacle_kind(screening.no_verdict) not in SIGNAL
+    question = None if screening.mismatch is None else screening.mismatch.open_question
+    return question is not None and len(question.quick) > 1
+
+
 def kinds_of(
     verdict: Verdict,
     *,

@@ -71,6 +71,7 @@ class PageServer:
         from stemwatch.service.access.tokens import ENVIRONMENT
         from stemwatch.service.serve.http_server import http_server
         from stemwatch.service.web.app import create_app
+        from stemwatch.service.web.path_prefix import below_path, path_of_address
         from stemwatch.service.web.site import LOOPBACK, Site
 
         own_names = (listening.getsockname()[0], socket.gethostname().lower(), *LOOPBACK)
@@ -83,7 +84,8 @@ class PageServer:
             hosts=tuple(dict.fromkeys((*hosts, *own_names))),
             token=os.environ.get(ENVIRONMENT, ""),
         )
-        self._server = http_server(create_app(site), proxies=plant.service.trusted_proxies)
+        app = below_path(create_app(site), path_of_address(plant.service.address))
+        self._server = http_server(app, proxies=plant.service.trusted_proxies)
         self._listening = listening
         self._thread = threading.Thread(target=self._run, name="pages")
 

@@ -182,7 +182,8 @@ class WatchedFolder:
         self._attempts = FileAttempts(self.folder)
         self._before: dict[Path, _FileState] = {}
         self._counts = {"taken": 0.0, "rejected": 0.0, "samples": 0.0}
-        self._last: datetime | None = None
+        taken_in = (file.taken for file in store.sources.files(source) if file.accepted)
+        self._last: datetime | None = next(taken_in, None)
 
     def look(self) -> list[TakenFile]:
         """Store the samples of every complete file and return the files. Raises ``StoreError``

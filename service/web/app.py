@@ -41,6 +41,7 @@ from stemwatch.service.web.pages import (
     users_page,
     valve_page,
 )
+from stemwatch.service.web.path_prefix import own_path
 from stemwatch.service.web.site import Site
 
 log = logging.getLogger(__name__)
@@ -136,7 +137,7 @@ def _say_errors(app: FastAPI, deps: Dependencies) -> None:
 
 
 def _failure(deps: Dependencies, request: Request, status: int, text: str) -> Response:
-    path = request.url.path
+    path = own_path(request.scope)
     if path == "/metrics" or (path.startswith("/api/") and path != "/api/docs"):
         return JSONResponse({"detail": text}, status)
     try:

@@ -19,6 +19,7 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from stemwatch.service.web.auth.authentication import SAFE, Authentication
+from stemwatch.service.web.path_prefix import own_path
 
 log = logging.getLogger(__name__)
 
@@ -91,7 +92,7 @@ class SecurityMiddleware:
                 headers = MutableHeaders(scope=message)
                 for name, value in HEADERS.items():
                     headers.setdefault(name, value)
-                if not scope["path"].startswith("/static/"):
+                if not own_path(scope).startswith("/static/"):
                     headers.setdefault("cache-control", "no-store")
             await send(message)
 

@@ -40,8 +40,13 @@ class ShownSuspicion:
 
 def suspicion_pictures(recording: Recording, element: ElementTraces) -> tuple[Picture, ...]:
     """The suspected stem over time and against OP, and PV by both models, over a typical stretch of
-    ``recording``, whose samples ``element`` belongs to."""
+    ``recording``, whose samples ``element`` belongs to. Of a recording with a hole only one piece
+    was looked at: the stretch is of that."""
     misses = _misses(recording, element)
+    seen = np.flatnonzero(np.isfinite(element.stem))
+    if seen.size:
+        recording = recording.part(int(seen[0]), int(seen[-1]) + 1)
+        element = element.part(int(seen[0]), int(seen[-1]) + 1)
     stretch = typical_stretch_of(recording, None, None)
     if stretch is not None:
         recording = recording.part(stretch.first, stretch.last)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from sqlalchemy import ScalarSelect, Select, delete, func, insert, select
+from sqlalchemy import ScalarSelect, Select, delete, exists, func, insert, select, update
 from sqlalchemy.orm import InstrumentedAttribute, Session, aliased, undefer
 
 from stemwatch.models.mismatch.findings import Finding
@@ -56,10 +56,30 @@ def write_screening(
         session, ScreeningRow, [columns], ("valve", "window_key"), returning=ScreeningRow.id
     )
     screening_id: int = session.execute(statement).scalar_one()
+    if columns["window_end"] is not None:
+        _put_before(session, screening.valve, columns["at"], run_id)
     session.execute(delete(IndicatorRow).where(IndicatorRow.screening_id == screening_id))
     if indicators := indicator_columns(screening, screening_id, columns["at"]):
         session.execute(insert(IndicatorRow), indicators)
     return screening_id
+
+
+def _put_before(session: Session, valve: str, at: datetime, run_id: int) -> None:
+    """Put what an earlier run could not read before the window that ended ``at``, where that is the
+    newest of its valve.
+
+    What could not be read has no time but that of its run. An export that arrives after a run in
+    vain ends before that run, and would else never be the latest that is known of the valve.
+    """
+    newer = aliased(ScreeningRow)
+    of_valve = (newer.valve == valve, newer.window_end.is_not(None), newer.at > at)
+    session.execute(
+        update(ScreeningRow)
+        .where(ScreeningRow.valve == valve, ScreeningRow.at >= at, ScreeningRow.run_id < run_id)
+        .where(ScreeningRow.window_end.is_(None), ScreeningRow.layout == "")
+        .where(~exists().where(*of_valve))
+        .values(at=at - timedelta(microseconds=1))
+    )
 
 
 def ensure_valve(session: Session, valve: str) -> None:

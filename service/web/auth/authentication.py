@@ -25,6 +25,7 @@ from stemwatch.service.web.auth.current_user import address_of, state_of
 from stemwatch.service.web.auth.proxy_user import HOW, NotAUser, ProxySignIn
 from stemwatch.service.web.auth.route_permissions import RoutePermissions
 from stemwatch.service.web.auth.session_cookie import cookie_name
+from stemwatch.service.web.path_prefix import own_path
 from stemwatch.service.web.site import Site
 
 log = logging.getLogger(__name__)
@@ -148,7 +149,7 @@ class Authentication:
         sent_token = self._token_in(headers) is not None
         if by_hand and wants_page and not sent_token:
             base = request.scope.get("root_path", "").rstrip("/")
-            path = request.url.path.removeprefix(base) or "/"
+            path = own_path(request.scope)
             requested_address = f"{path}?{request.url.query}" if request.url.query else path
             query = "" if requested_address == "/" else f"?{urlencode({'next': requested_address})}"
             return RedirectResponse(f"{base}/login{query}", 303)

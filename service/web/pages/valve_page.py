@@ -14,16 +14,15 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.recording import Role
 from stemwatch.models.screening_result import Screening
-from stemwatch.models.verdict import Verdict
 from stemwatch.models.without_position.suspicion import Suspicion
 from stemwatch.service.maintenance.maintenance_html import page_anchor
 from stemwatch.service.maintenance.work_compared import compare
 from stemwatch.service.presenter.cost_of_sticking import CostOfSticking
 from stemwatch.service.presenter.finding import PresentedFinding, present
 from stemwatch.service.presenter.oscillation_words import loop_sentences
-from stemwatch.service.presenter.physics_words import open_question_sentence
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.urgency import Priority, priority_of
+from stemwatch.service.presenter.work_decision import can_be_tested
 from stemwatch.service.report.bars import MODEL_NAMES, bar_top
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.charts.effect_pictures import Picture
@@ -245,12 +244,9 @@ def _shown_suspicion(
 
 
 def _plan_link(request: Request, shown_screening: ShownScreening | None) -> str:
-    """The address of the page that plans a field test; empty where no test is useful."""
-    if shown_screening is None:
-        return ""
-    mismatch = shown_screening.screening.mismatch
-    effects_left = bool(mismatch is not None and open_question_sentence(mismatch))
-    if not effects_left and shown_screening.screening.verdict is not Verdict.UNDETERMINED:
+    """The address of the page that plans a field test; empty where none can be planned that
+    helps."""
+    if shown_screening is None or not can_be_tested(shown_screening.screening):
         return ""
     base = request.scope.get("root_path", "").rstrip("/")
     return f"{base}/valve/test-plan?{urlencode({'id': shown_screening.screening.valve})}"

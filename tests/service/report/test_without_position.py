@@ -199,6 +199,21 @@ def test_the_pictures_of_a_suspicion_outlive_the_samples(make_screening):
     assert pack_pictures(window_pictures(sound)) == b""
 
 
+def test_the_pictures_are_of_the_piece_that_was_looked_at(make_screening):
+    """Of a recording with a hole one piece raises the suspicion: a stretch of the other one would
+    show OP and PV without a stem."""
+    valve = with_suspected_stem(make_screening("FV-1", Verdict.UNDETERMINED), suspected())
+    traces, size = valve.without_position.traces, len(valve.recording)
+    unknown = np.arange(size) < size * 3 // 4
+    piece = ElementTraces(
+        **{name: np.where(unknown, np.nan, line) for name, line in vars(traces).items()}
+    )
+    shown = replace(valve, without_position=replace(valve.without_position, traces=piece))
+    for picture in window_pictures(shown).suspicion:
+        for line in picture.plot.lines:
+            assert np.isfinite(line.y).mean() > 0.9, (picture.title, line.label)
+
+
 def test_json_and_tables_say_it_too(make_screening, make_context):
     """As its own object, and as columns beside the finding."""
     valves = [without_mv(make_screening, "FV-1", suspected())]

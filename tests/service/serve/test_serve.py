@@ -111,14 +111,17 @@ def test_it_serves_works_and_stops_in_order(csv_site: Site) -> None:
 
 
 def test_the_first_link_leads_to_where_people_reach_the_pages(csv_site: Site) -> None:
-    """Behind a proxy or in a container nobody could open the address that is listened on."""
+    """Behind a proxy or in a container nobody could open the address that is listened on; below a
+    path of their host the pages' own links lead there too."""
     file = csv_site.folder / "plant.toml"
-    named = '[service]\naddress = "https://valves.plant.example/"\n'
+    named = '[service]\naddress = "https://plant.example/valves/"\n'
     file.write_text(file.read_text("utf-8").replace("[service]\n", named), encoding="utf-8")
-    process, _ = csv_site.serve()
+    process, base = csv_site.serve()
     process.stdout.readline()
     link = process.stdout.readline().strip()
-    assert re.fullmatch(r"https://valves\.plant\.example/welcome\?link=[\w-]{43}", link)
+    assert re.fullmatch(r"https://plant\.example/valves/welcome\?link=[\w-]{43}", link)
+    with urllib.request.urlopen(f"{base.rstrip('/')}/valves/login") as page:
+        assert 'action="/valves/login"' in page.read().decode()
 
 
 @pytest.mark.long

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.record_checks.data_quality import DataQuality
 from stemwatch.models.recording import Provenance
+from stemwatch.models.screening.screen import failed
 from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
@@ -168,6 +169,28 @@ def test_any_screening_saved_twice_is_one_row_with_the_latest_values(
 
 def storable(text: str) -> str:
     return "".join("\ufffd" if c == "\0" or "\ud800" <= c <= "\udfff" else c for c in text)
+
+
+def test_what_could_not_be_read_is_the_latest_until_something_was(
+    store: Store, make_screening: MakeScreening
+) -> None:
+    """An export that arrives after a run in vain ends before that run. A source that fails today
+    stays the latest, also where an old window is screened again."""
+
+    def saved(screening: Screening) -> str:
+        store.save(screening, begin(store))
+        (line,) = store.ranking(RankingFilter()).lines
+        assert store.screenings("FIC-101", 1)[0].verdict is line.stem_verdict
+        return str(line.stem_verdict)
+
+    def of_window(days: int) -> Screening:
+        return make_screening(start=START + days * DAY)
+
+    unread = failed("FIC-101", "no sample", "Look at the source.", Provenance(source="plc"))
+    saved(of_window(0))
+    assert [saved(one) for one in (unread, of_window(-3))] == ["undetermined"] * 2
+    assert [saved(one) for one in (of_window(1), of_window(-2))] == ["sticky"] * 2
+    assert [saved(one) for one in (unread, of_window(-4))] == ["undetermined"] * 2
 
 
 def test_a_screening_that_cannot_be_saved_does_not_cost_the_others(

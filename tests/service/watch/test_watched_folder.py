@@ -204,14 +204,21 @@ def test_hidden_files_links_and_folders_are_left_alone(
     assert export.exists()
 
 
-def test_the_folders_state_is_shown(folder: WatchedFolder, store: Store, export: Path) -> None:
-    """Pages see how many files came, and a folder that is not there."""
+def test_the_folders_state_is_shown(
+    watched: Plant, folder: WatchedFolder, store: Store, export: Path
+) -> None:
+    """Pages see how many files came, and a folder that is not there. When the last one came is
+    known after a restart too; what is counted begins anew."""
     drop(folder, "a.csv", export.read_bytes())
     twice(folder)
     (state,) = store.sources.states()
     assert (state.kind, state.connected) == ("folder", True)
     assert (state.figures["taken"], state.figures["rejected"]) == (1, 0)
-    assert state.last_good is not None
+    drop(folder, "b.csv", b"no export")
+    WatchedFolder(watched, state.source, store, quiet=timedelta(0)).look()
+    (taken_in,) = (file.taken for file in store.sources.files() if file.accepted)
+    (again,) = store.sources.states()
+    assert (again.last_good, again.figures["taken"]) == (taken_in, 0)
 
 
 def test_a_folder_that_cannot_be_used_is_said_and_looked_at_again(

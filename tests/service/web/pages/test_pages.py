@@ -106,12 +106,16 @@ def test_an_empty_database_makes_pages_that_help(store, client_of, path):
 
 
 def test_sources_say_how_they_are(live, client):
-    """In order, at fault with its words, and files that were taken in or not."""
+    """In order, at fault with its words, and files that were taken in or not. What is counted is
+    said to begin anew with a restart; a folder has files and no last sample."""
     fault = "no answer within 1 s; tried again in 30 s"
     state = SourceState(
         source="gateway 2", kind="modbus", connected=False, fault=fault, updated=NOW
     )
     live.store.sources.note(state)
+    figures = {"taken": 0.0}
+    drop = SourceState(source="drop", kind="folder", connected=True, figures=figures, updated=NOW)
+    live.store.sources.note(drop)
     rejected = TakenFile(
         digest="ab", name="<b>.pdf", source=SOURCE, accepted=False, note="It is not text."
     )
@@ -121,6 +125,9 @@ def test_sources_say_how_they_are(live, client):
     assert fault in text
     assert "&lt;b&gt;.pdf" in text
     assert "rejected" in text
+    card = text[text.index("<bdi>drop</bdi>") :].partition("</li>")[0]
+    assert ("Last file taken in" in card, "Last good sample" in card) == (True, False)
+    assert "Counted since the reading of this source last began." in card
 
 
 def test_a_source_that_nobody_speaks_for_is_silent(live, client):

@@ -32,11 +32,13 @@ def open_to_question(filled: Store) -> Store:
 def test_valve_page_leads_to_the_plan_where_something_is_left_open(
     open_to_question: Store, client: httpx.Client
 ) -> None:
-    """The sentence, the link, and no link where nothing is left."""
+    """The sentence, the link, and no link where nothing is left or, for want of a position, no test
+    can be planned."""
     page = client.get("/valve", params={"id": STICKY}).text
     assert "A test of some minutes may tell actuator lag and dead time apart" in page
     assert f"/valve/test-plan?id={STICKY}" in page
-    assert "/valve/test-plan" not in client.get("/valve", params={"id": HEALTHY}).text
+    for valve in (HEALTHY, BLIND):
+        assert "/valve/test-plan" not in client.get("/valve", params={"id": valve}).text
 
 
 def test_plan_is_shown_with_its_sheet_and_as_one_page_to_print(
