@@ -109,7 +109,9 @@ Encoding = Annotated[str, AfterValidator(known_encoding)]
 Positive = Annotated[float, Field(gt=0)]
 # Ten years at most: what is subtracted from a time must not lead out of the calendar.
 LONGEST_S = 10 * 366 * 86_400.0
+SHORTEST_S = 1e-9  # in which times are counted
 Duration = Annotated[float, Field(gt=0, le=LONGEST_S)]
+Interval = Annotated[float, Field(ge=SHORTEST_S, le=LONGEST_S)]
 NotEmpty = Annotated[str, Field(min_length=1)]
 
 

@@ -14,8 +14,8 @@ from stemwatch.connectors.connector import WHOLE, Connector, TagInfo, TagMapping
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.settings import (
     Encoding,
+    Interval,
     Name,
-    Positive,
     SourceSettings,
     Zone,
     contradiction,
@@ -61,7 +61,7 @@ class TextExportSettings(SourceSettings):
     time_column: Name | None = Field(
         default=None, description="the heading of the time column, as text"
     )
-    interval_s: Positive | None = Field(
+    interval_s: Interval | None = Field(
         default=None, description="seconds between samples, above 0"
     )
     tag_column: Name | None = Field(

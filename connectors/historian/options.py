@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any, Literal, get_args
 
-from stemwatch.connectors.settings import known_encoding, known_zone
+from stemwatch.connectors.settings import LONGEST_S, SHORTEST_S, known_encoding, known_zone
 
 AmbiguousHour = Literal["infer", "first", "second"]
 MissingHour = Literal["shift", "leave_out"]
@@ -56,8 +56,11 @@ class ReadOptions:
         _check_policy("decimal", self.decimal, (".", ",", None))
         if self.separator is not None and len(self.separator) != 1:
             raise ValueError(f"separator must be one character, received {self.separator!r}")
-        if self.interval_s is not None and not 0 < self.interval_s < float("inf"):
-            raise ValueError(f"interval_s must be positive, received {self.interval_s}")
+        if self.interval_s is not None and not SHORTEST_S <= self.interval_s <= LONGEST_S:
+            raise ValueError(
+                f"interval_s must be positive, {SHORTEST_S:g} to {LONGEST_S:g}, received "
+                f"{self.interval_s}"
+            )
         _check_known("zone", self.zone, known_zone)
         _check_known("encoding", self.encoding, known_encoding)
 

@@ -92,7 +92,7 @@ def assemble(opened: SampleSource, valve: ValveTags, window: Window) -> Recordin
     """The recording of ``valve`` in ``window``. Raises ``UnknownTag`` or ``ConnectorError``."""
     need_op(opened.source_name, valve)
     tags = find_tags(opened, [mapping.tag for mapping in valve.tags.values()])
-    _check_roles(opened, valve)
+    _check_mapping(opened, valve)
     opened.read_ahead(tags)
     columns = sharing_times(
         {
@@ -132,7 +132,17 @@ def need_op(source_name: str, valve: ValveTags) -> None:
         )
 
 
-def _check_roles(opened: SampleSource, valve: ValveTags) -> None:
+def _check_mapping(opened: SampleSource, valve: ValveTags) -> None:
+    """Raise ``ConnectorError`` where OP is its own position, or low and high give no range."""
+    for mapping in valve.tags.values():
+        low, high = mapping.low, mapping.high
+        if low is None or high is None:
+            continue
+        if low == high or not np.isfinite((low, high)).all():
+            raise ConnectorError(
+                f"{opened.source_name}: {valve.valve}: {mapping.tag}: low {low:g} and high "
+                f"{high:g} give no range; give the engineering values at 0 % and 100 %"
+            )
     mv = valve.tags.get(Role.MV)
     if mv is not None and find_tag(opened, mv.tag) == find_tag(opened, valve.tags[Role.OP].tag):
         raise ConnectorError(
@@ -247,11 +257,6 @@ def _scaled(
         if role is Role.MODE:
             return on_grid.values, on_grid.quality, ""
         return on_grid.values, on_grid.quality, _unit(role, column, given_unit, on_grid, notes)
-    if not (np.isfinite(mapping.low) and np.isfinite(mapping.high)) or mapping.low == mapping.high:
-        raise ConnectorError(
-            f"{column.tag}: low {mapping.low:g} and high {mapping.high:g} give no range; give the "
-            "engineering values at 0 % and 100 %"
-        )
     percent = 100.0 * (on_grid.values - mapping.low) / (mapping.high - mapping.low)
     return percent, _in_range(column.tag, percent, on_grid.quality, notes), PERCENT
 

@@ -119,7 +119,7 @@ def _show_words(link: Link, unit: int, written: str, count: int) -> None:
 
     table, colon, number = written.partition(":")
     try:
-        if colon and table.lower() in tuple(Table) and number.isdigit():
+        if colon and table.lower() in tuple(Table) and number.isdecimal():
             address = parse_address(hex(int(number)), Table(table.lower()))
         else:
             address = parse_address(written)

@@ -131,6 +131,7 @@ def test_a_map_is_tried(modbus, port: int, tmp_path: Path) -> None:
         (("--map", "nowhere.toml"), "there is no file"),
         (("127.0.0.1:x",), "is not a port"),
         (("h", "--register", "9"), "holding:0 or input:0 counts from 0"),
+        (("h", "--register", "holding:²"), "holding:0 or input:0 counts from 0"),
         (("/dev/null", "--parity", "X"), "is not N, E or O"),
     ],
 )

@@ -23,6 +23,7 @@ from stemwatch.connectors.historian.values.numbers import parse_numbers
 from stemwatch.connectors.historian.values.quality_codes import looks_like_codes
 from stemwatch.connectors.historian.values.stored_text import StoredText, joined
 from stemwatch.connectors.historian.values.units import bare_tag, canonical, split_unit
+from stemwatch.connectors.settings import LONGEST_S, SHORTEST_S
 
 _ROW_NUMBER = frozenset(("", "index", "row", "no", "no.", "nr", "nr.", "#", "unnamed: 0", "record"))
 _INTERVAL_NAME = re.compile(
@@ -181,12 +182,14 @@ def _interval_column(
         first_cells = cells.first(_LOOKED_AT) if isinstance(cells, StoredText) else cells
         filled = [cell for cell in first_cells if cell.strip()]
         values = parse_numbers(filled, "," if any("," in cell for cell in filled) else ".")
-        if not values.size or not np.isfinite(values).all() or not values[0] > 0:
+        scale = _INTERVAL_UNIT_S.get(_interval_unit(tag, names.units[column]), 1.0)
+        if not values.size or not np.isfinite(values).all():
+            continue
+        if not SHORTEST_S <= values[0] * scale <= LONGEST_S:
             continue
         if values.size == 1 or (
             values.size == len(first_cells) and bool((values == values[0]).all())
         ):
-            scale = _INTERVAL_UNIT_S.get(_interval_unit(tag, names.units[column]), 1.0)
             return float(values[0]) * scale, tag, {column}
     return None, "", set()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -34,7 +35,12 @@ from stemwatch.connectors.historian.times.time_fields import (
     stored_time_fields,
     time_fields,
 )
-from stemwatch.connectors.historian.times.time_of_day import are_times_of_day, times_of_day
+from stemwatch.connectors.historian.times.time_of_day import (
+    NO_DATE,
+    are_times_of_day,
+    past_midnight,
+    times_of_day,
+)
 from stemwatch.connectors.historian.values.numbers import parse_numbers
 from stemwatch.connectors.historian.values.stored_text import (
     StoredText,
@@ -43,6 +49,9 @@ from stemwatch.connectors.historian.values.stored_text import (
 )
 from stemwatch.models.recording import Bools
 
+_DAY_NS = 86_400_000_000_000
+_YEAR_IN_FORMAT = re.compile(r"%[YyGcx]|^(?:mixed|ISO8601)$")
+_DATE_IN_FORMAT = re.compile(r"%[YyGcxmdbBjUWV]|^(?:mixed|ISO8601)$")
 _LOOKED_AT = 20_000  # rows of a large file that show whether it repeats its rows
 
 
@@ -74,7 +83,7 @@ def _written(table: RawTable, options: ReadOptions, name: str, notes: ReadingNot
         instants = _by_format(texts, options.time_format, table, options, name, notes)
     elif are_times_of_day(texts):
         ns, ok = times_of_day(list(texts), rows_of_tags(table), table.times.name, notes)
-        instants = Instants(ns=ns, ok=ok, in_utc=False, zone="The times have no date.")
+        instants = Instants(ns=ns, ok=ok, in_utc=False, zone=NO_DATE)
     else:
         instants = numeric_instants(texts, table, options, notes)
     if instants is None:
@@ -231,8 +240,19 @@ def _by_format(
     local = index.dt.tz_localize(None) if aware else index
     ns = local.dt.as_unit("ns").fillna(pd.Timestamp(0)).to_numpy().astype(np.int64)
     notes.decide(f"The times were read by the given format {time_format!r}.")
-    offsets = np.full(ns.size, 0 if aware else NO_OFFSET, dtype=np.int64)
-    return in_zone(ns, ok, offsets, table, options, notes)
+    if not _DATE_IN_FORMAT.search(time_format):
+        of_day = np.where(ok, ns % _DAY_NS, 0)
+        ns = past_midnight(of_day, ok, rows_of_tags(table), table.times.name, "", notes)
+        return Instants(ns=ns, ok=ok, in_utc=False, zone=NO_DATE)
+    if not _YEAR_IN_FORMAT.search(time_format):
+        sentence = "The format names no year: durations are right, the date is not known."
+        notes.decide(sentence)
+        return Instants(ns=ns, ok=ok, in_utc=False, zone=sentence)
+    if aware:
+        sentence = "Each time carries its offset from UTC."
+        notes.decide(sentence)
+        return Instants(ns=ns, ok=ok, in_utc=True, zone=sentence)
+    return in_zone(ns, ok, np.full(ns.size, NO_OFFSET, dtype=np.int64), table, options, notes)
 
 
 def _dated(

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 Ints = NDArray[np.int64]
 Letters = NDArray[np.uint32] | NDArray[np.uint8]
 NO_OFFSET = -100_000
+_FARTHEST_MIN = 18 * 60  # of an offset; no zone is or was as far from UTC
 _SECOND_NS = 1_000_000_000
 
 
@@ -98,12 +99,12 @@ def _fields_of_text(text: str) -> tuple[int, ...]:
     match = match_time(text)
     if match is None:
         return _NOTHING
-    clock = _clock_ns(match)
-    if clock is None:
+    clock, offset = _clock_ns(match), _offset(match)
+    if clock is None or offset is None:
         return _NOTHING
     order, date, short = _date(match)
     dotted = int(match["nsep"] == ".")
-    return (int(order), *date, int(short), dotted, clock, _offset(match))
+    return (int(order), *date, int(short), dotted, clock, offset)
 
 
 def _date(match: re.Match[str]) -> tuple[Order, tuple[int, int, int], bool]:
@@ -142,7 +143,8 @@ def _clock_ns(match: re.Match[str]) -> int | None:
     return ((hour * 60 + minute) * 60 + second) * _SECOND_NS + fraction
 
 
-def _offset(match: re.Match[str]) -> int:
+def _offset(match: re.Match[str]) -> int | None:
+    """Minutes east of UTC, ``NO_OFFSET`` where none is written, ``None`` for one of no zone."""
     zone = match["zone"] or match["zonec"] or match["zoned"]
     if not zone:
         return NO_OFFSET
@@ -150,6 +152,8 @@ def _offset(match: re.Match[str]) -> int:
         return ZONE_MINUTES[zone.lower()]
     digits = zone[1:].replace(":", "").ljust(4, "0")
     minutes = int(digits[:2]) * 60 + int(digits[2:])
+    if int(digits[2:]) > 59 or minutes > _FARTHEST_MIN:
+        return None
     return -minutes if zone[0] == "-" else minutes
 
 
@@ -175,7 +179,7 @@ def _match_plain(text: str) -> re.Match[str] | None:
         return None
     if first["ap1"] or first["ap2"] or first["mon"] or first["mon2"] or first["Hd"]:
         return None
-    return first
+    return None if _offset(first) is None else first
 
 
 def _of_letters(letters: Letters, first: re.Match[str]) -> TimeFields | None:

@@ -196,6 +196,43 @@ def test_a_time_format_that_is_none_is_said(open_text, time_format: str) -> None
         source.tags()
 
 
+def test_a_given_format_dates_only_what_it_can(open_text) -> None:
+    """Times of day pass midnight and have no date, days without a year have none either, and an
+    offset is read where the format has one."""
+
+    def read(times: list[str], time_format: str) -> Recording:
+        options = ReadOptions(zone="Europe/Berlin", time_format=time_format, time_column="Time")
+        return open_text(wide(times), options=options).read(OP)
+
+    of_day = read([f"{(22 + k // 2) % 24:02d}h{30 * (k % 2):02d}" for k in range(12)], "%Hh%M")
+    assert (of_day.start, of_day.interval_s, len(of_day)) == (None, 1800.0, 12)
+    assert "past midnight" in said(of_day)
+    yearless = read([f"{k + 1:02d}.02. 06:00" for k in range(9)], "%d.%m. %H:%M")
+    assert (yearless.start, yearless.interval_s) == (None, 86_400.0)
+    assert "The format names no year" in said(yearless)
+    offset = read([f"2026-01-05 06:{k:02d}:00+0300" for k in range(9)], "%Y-%m-%d %H:%M:%S%z")
+    assert offset.start == datetime(2026, 1, 5, 3, tzinfo=UTC)
+    assert "Each time carries its offset from UTC." in said(offset)
+
+
+def test_an_offset_that_no_zone_has_is_no_time(open_text) -> None:
+    """Its row is left out and named; four days would be believed otherwise."""
+    times = [f"2026-01-05 06:00:{k:02d}+01:00" for k in range(20)]
+    times[7] = times[7].replace("+01:00", "+99:99")
+    source = open_text(wide(times))
+    assert source.read(OP).start == datetime(2026, 1, 5, 5, tzinfo=UTC)
+    assert any("line 9: '2026-01-05 06:00:07+99:99'" in text for text in source.inspect().problems)
+    with pytest.raises(UnreadableSource, match="no row"):
+        open_text(wide([time[:-6] + "+99:99" for time in times])).tags()
+
+
+def test_a_sampling_column_without_a_possible_interval_is_not_one(open_text) -> None:
+    """1e200 s between rows is damage."""
+    rows = "".join(f"1e200,{k % 7},{k % 5}.5\n" for k in range(60))
+    with pytest.raises(UnreadableSource, match="nothing tells the interval"):
+        open_text("Ts,OP,PV\n" + rows).tags()
+
+
 @pytest.mark.parametrize("form", ["{}", "{}.0", "+{}", "{:.18e}"])
 def test_nanoseconds_since_1970_are_dates_however_they_are_written(open_text, form: str) -> None:
     """With a point, a sign or an exponent too, which tables write for large numbers."""

@@ -352,7 +352,7 @@ def test_ranges_become_percent(open_text) -> None:
 def test_empty_range_is_refused(open_text) -> None:
     """A range without width cannot make percent."""
     valve = ValveTags(valve="A", tags={Role.OP: TagMapping(tag="OP", low=5.0, high=5.0)})
-    with pytest.raises(ConnectorError, match="give no range"):
+    with pytest.raises(ConnectorError, match=r"loop\.csv: A: OP: low 5 and high 5 give no range"):
         open_text(column(["1", "2"])).read(valve)
 
 
@@ -388,6 +388,7 @@ def test_mode_words_become_automatic_manual_or_masked(open_text) -> None:
         ("encoding", "undefined", "is not known; expected an encoding"),
         ("separator", ";;", "one character"),
         ("interval_s", 0.0, "must be positive"),
+        ("interval_s", 1e300, "must be positive, 1e-09 to"),
         ("ambiguous_hour", "guess", "must be one of"),
     ],
 )
