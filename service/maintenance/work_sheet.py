@@ -208,11 +208,11 @@ def _since(
     first_seen: s.FirstSeen, valve: RankedValve, background: ValveHistory, zone: tzinfo
 ) -> tuple[str, ...]:
     screening, by_window = valve.screening, valve.facts.by_window
-    window_start = first_seen.first.at if first_seen.first is not None else screening.window[1]
+    seen_since = first_seen.first.at if first_seen.first is not None else screening.window[1]
     work = background.work(screening.valve)
     sentences: tuple[str, ...] = (
         s.sentence(first_seen, zone),
-        s.work_sentence(work, window_start, zone),
+        s.work_sentence(work, seen_since, screening.window[0], zone),
         _trend(valve),
     )
     if by_window is not None:
