@@ -73,17 +73,26 @@ def sentence(first_seen: FirstSeen, zone: tzinfo) -> str:
     return f"{text}; the one before, {_past_sentence(first_seen.before, zone)}."
 
 
-def work_sentence(work: Sequence[Remark], window_start: datetime | None, zone: tzinfo) -> str:
-    """The last work on the valve, against the instant since which it is seen; empty without."""
+def work_sentence(
+    work: Sequence[Remark],
+    seen_since: datetime | None,
+    newest: datetime | None,
+    zone: tzinfo,
+) -> str:
+    """The last work on the valve, against the instant since which the finding is seen; empty
+    without. Only where the ``newest`` window begins after the work can anybody say that the finding
+    outlived it."""
     if not work:
         return ""
     last = work[-1]
     text = f"Last work: {instant(last.at, zone)}, {last.note}."
-    if window_start is None:
+    if seen_since is None:
         return text
-    if last.at > window_start:
+    if last.at > seen_since:
+        if newest is None or newest < last.at:
+            return f"{text} Whether it helped is not known: no window after it was screened."
         return f"{text} It was seen before that work already, and is still there."
-    days = (window_start - last.at).days
+    days = (seen_since - last.at).days
     return f"{text} It came {days} {'day' if days == 1 else 'days'} after that work."
 
 

@@ -22,6 +22,7 @@ from stemwatch.service.maintenance.valve_history import ValveHistory
 from stemwatch.service.presenter import advice
 from stemwatch.service.presenter.false_discoveries import LEVEL_PERCENT
 from stemwatch.service.presenter.finding import PresentedFinding, field_test
+from stemwatch.service.presenter.suspicion_words import worth_a_test
 from stemwatch.service.presenter.urgency import Priority, priority
 from stemwatch.service.presenter.wording import (
     as_sentences,
@@ -31,7 +32,7 @@ from stemwatch.service.presenter.wording import (
     share,
     span_percent,
 )
-from stemwatch.service.presenter.work_decision import WorkDecision
+from stemwatch.service.presenter.work_decision import NO_POSITION, WorkDecision
 from stemwatch.service.report.ranking import RankedValve
 
 GENERAL_TEST = "Step OP by 1 %"  # begins the step that is the same for all sticking valves
@@ -123,6 +124,10 @@ def work_sheet_of(valve: RankedValve, background: ValveHistory, zone: tzinfo) ->
     earlier = background.earlier(screening)
     since = s.first_seen(kinds[0], earlier)
     steps = _with_field_test(advice.steps_for(kinds), field_test(screening))
+    told = screening.without_position
+    if told is not None and kinds[0] == NO_POSITION and worth_a_test(screening):
+        # As alert and page say: what was found is the suspicion, not that a transmitter is missing.
+        steps = (CheckStep(IsolationLevel.MANUAL, told.advice), *steps)
     picture, note = picture_of(screening, background.samples(screening), zone)
     sizes, stroke_note = sizes_of(screening, valve.facts.stroke)
     return WorkSheet(
@@ -208,11 +213,11 @@ def _since(
     first_seen: s.FirstSeen, valve: RankedValve, background: ValveHistory, zone: tzinfo
 ) -> tuple[str, ...]:
     screening, by_window = valve.screening, valve.facts.by_window
-    window_start = first_seen.first.at if first_seen.first is not None else screening.window[1]
+    seen_since = first_seen.first.at if first_seen.first is not None else screening.window[1]
     work = background.work(screening.valve)
     sentences: tuple[str, ...] = (
         s.sentence(first_seen, zone),
-        s.work_sentence(work, window_start, zone),
+        s.work_sentence(work, seen_since, screening.window[0], zone),
         _trend(valve),
     )
     if by_window is not None:

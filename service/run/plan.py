@@ -171,7 +171,10 @@ def _of_plant(request: Request, plant: Plant, read_tags: ReadTags) -> Plan:
             not_read.append((source.name, f"no file matches {source.path} beside {plant.file}"))
         options = ReadOptions(**plant.read_options(source))
         paths = [str(path) for path in files]
-        tasks += tasks_of_files(valves, paths, options, request.window, read_tags)
+        of_files, unread = tasks_of_files(valves, paths, options, request.window, read_tags)
+        tasks += of_files
+        if not any(task.reason for task in of_files):  # else the reason has them
+            not_read += unread
     return Plan(tasks=tuple(tasks), not_read=tuple(not_read))
 
 
@@ -194,27 +197,29 @@ def tasks_of_files(
     options: ReadOptions,
     window: Window,
     read_tags: ReadTags = read_tags_here,
-) -> list[Task]:
+) -> tuple[list[Task], list[tuple[str, str]]]:
     """One task for each file that holds a valve's OP; a valve that no file holds gets a task with
-    the reason."""
+    the reason. And the files that could not be read, each with its reason: last night's export may
+    be among them."""
     tasks: list[Task] = []
     in_a_file: set[str] = set()
-    unreadable: list[str] = []
+    unreadable: dict[str, str] = {}
     for path, tags in zip(files, _tags_in(valves, files, options, read_tags), strict=True):
         if isinstance(tags, str):
-            unreadable.append(tags)
+            unreadable[path] = tags
             continue
         for valve in valves:
             if valve.tags[Role.OP].tag in tags:
                 in_a_file.add(valve.valve)
                 tasks.append(_task(path, _present(valve, tags), options, window))
     for valve in valves:
-        if valve.valve not in in_a_file:
-            reason = f"the OP tag {valve.tags[Role.OP].tag} is in none of the source's files"
-            reason = ". ".join([reason, *unreadable])
-            file_names = files[0] if len(files) == 1 else ", ".join(files[:3]) or "no file"
-            tasks.append(Task(path=file_names, tags=valve, window=window, reason=reason))
-    return tasks
+        if valve.valve in in_a_file:
+            continue
+        reason = f"the OP tag {valve.tags[Role.OP].tag} is in none of the source's files"
+        reason = ". ".join([reason, *unreadable.values()])
+        file_names = files[0] if len(files) == 1 else ", ".join(files[:3]) or "no file"
+        tasks.append(Task(path=file_names, tags=valve, window=window, reason=reason))
+    return tasks, [(path, reason.removeprefix(f"{path}: ")) for path, reason in unreadable.items()]
 
 
 def _tags_in(
@@ -255,9 +260,10 @@ def _of_file(request: Request, path: str, read_tags: ReadTags) -> list[Task]:
     if request.plant is not None:
         valves = [request.plant.valve_tags(valve) for valve in request.chosen(request.plant)]
         options = _plant_options(request.plant, path, options)
-        tasks = tasks_of_files(valves, [path], options, window, read_tags)
+        tasks, unread = tasks_of_files(valves, [path], options, window, read_tags)
         readable = [task for task in tasks if not task.reason]
-        reason = f"{path}: none of the plant's OP tags is in it"
+        why = unread[0][1] if unread else "none of the plant's OP tags is in it"
+        reason = f"{path}: {why}"
         return readable or [_not_readable(path, stem, reason)]
     if request.tags:
         tags = {role: TagMapping(tag=tag) for role, tag in request.tags.items()}

@@ -179,12 +179,17 @@ def test_a_record_that_was_not_read_to_its_end_says_at_least():
 
 
 def test_work_is_set_against_the_finding():
-    """A finding from before the work is told from one that came after it."""
+    """A finding from before the work is told from one that came after it, and nothing is said of
+    the work where only windows from before it are known."""
     work = [Remark(valve="FV-1", at=DAY - timedelta(days=10), note="packing renewed", who="")]
-    after = work_sentence(work, DAY, UTC)
+    after = work_sentence(work, DAY, DAY, UTC)
     assert after == "Last work: 2026-02-19 06:00, packing renewed. It came 10 days after that work."
-    assert "still there" in work_sentence(work, DAY - timedelta(days=20), UTC)
-    assert work_sentence([], DAY, UTC) == ""
+    before = DAY - timedelta(days=20)
+    assert "still there" in work_sentence(work, before, DAY, UTC)
+    for newest in (before, work[0].at - timedelta(hours=1), None):
+        told = work_sentence(work, before, newest, UTC)
+        assert told.endswith("not known: no window after it was screened.")
+    assert work_sentence([], DAY, DAY, UTC) == ""
 
 
 @given(severity=st.floats(0, 100), criticality=st.sampled_from(["1", "2", "3"]))

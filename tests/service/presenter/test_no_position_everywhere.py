@@ -35,8 +35,8 @@ def test_suspected_loops_and_those_without_a_sign_are_told_alike_everywhere(
 ) -> None:
     """A loop to test first is marked in every ranking, leads the orders, and is nowhere among those
     of which nothing can be told; one without a sign is marked too and makes no work order, as its
-    advice says. Page and order of the suspected one are called so. The terminal has the step for
-    each answer."""
+    advice says. Page and order of the suspected one are called so and begin with its test. The
+    terminal has the step for each answer."""
     answers = {
         "A-NONE": no_sign(),
         "B-DUMB": cannot_tell("the record is short"),
@@ -53,6 +53,9 @@ def test_suspected_loops_and_those_without_a_sign_are_told_alike_everywhere(
     listed = work_list_of(every, context(every))
     assert [one.screening.valve for one in listed.to_work_on] == ["C-FIRST", "B-DUMB"]
     assert [one.title for one in listed.to_work_on] == [SUSPECTED_NOTE, "no position feedback"]
+    suspicious, dumb = (one.steps[0].text for one in listed.to_work_on)
+    assert suspicious == "Do a bump test."
+    assert dumb != suspicious
     orders = csv.DictReader(io.StringIO(orders_csv(listed).decode("utf-8-sig")))
     assert [row["short_text"] for row in orders] == [SUSPECTED_NOTE, "no position feedback"]
     told = [Text.from_markup(line).plain for line in views.undetermined_lines(every)]

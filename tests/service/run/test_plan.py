@@ -116,6 +116,22 @@ def test_a_file_without_the_plants_tags_is_named(folder: Path) -> None:
     assert f"{file}: none of the plant's OP tags is in it" == task.reason
 
 
+def test_a_file_of_a_plants_source_that_cannot_be_read_is_named(folder: Path) -> None:
+    """Also where other files have all its valves; said once where it may be why one is missing, and
+    where it is named by hand."""
+    file = folder / "last night.csv"
+    file.write_bytes(b"")
+    plant = plant_in(folder)
+    request = Request(plant=plant, valves=("FIC-1",))
+    ((name, reason),) = make_plan(request).not_read
+    assert (name, reason.partition(";")[0]) == (str(file), "the file is empty")
+    planned = make_plan(Request(plant=plant))
+    assert planned.not_read == ()
+    assert f"{file}: the file is empty" in planned.tasks[1].reason
+    (task,) = make_plan(Request(sources=(str(file),), plant=plant)).tasks
+    assert task.reason.startswith(f"{file}: the file is empty")
+
+
 def test_a_source_without_files_is_left_out_with_the_pattern(folder: Path) -> None:
     """A pattern of the plant file that matches nothing is named, with where it was looked for."""
     (folder / "a.csv").unlink()
