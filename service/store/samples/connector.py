@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import datetime
 
 import numpy as np
 
@@ -87,14 +88,20 @@ class StoredSamples:
 
     def _why_no_samples(self, op: Column, window: Window) -> str:
         bounds = self._samples.bounds(self.source, op.tag)
-        stored_span = (
-            "there is none" if bounds is None else f"the store has {bounds[0]} to {bounds[1]}"
-        )
+        stored_span = "there is none" if bounds is None else f"the store has {_span(*bounds)}"
         reason_counts = self._samples.reasons(self.source, op.tag, window.start, window.stop)
         bad = "; ".join(
             f"{words} ({count} times)" for words, count in list(reason_counts.items())[:3]
         )
         return (
-            f"{self._where}: {op.tag}: no good sample of the controller output from "
-            f"{window.start} to {window.stop}; {stored_span}{f'. Bad: {bad}' if bad else ''}"
+            f"{self._where}: {op.tag}: no good sample of the controller output in "
+            f"{_span(window.start, window.stop)}; {stored_span}{f'. Bad: {bad}' if bad else ''}"
         )
+
+
+def _span(start: datetime | None, stop: datetime | None) -> str:
+    """A window to the second, in the zone that its ends are in."""
+    first, last = (
+        "…" if end is None else end.isoformat(sep=" ", timespec="seconds") for end in (start, stop)
+    )
+    return f"{first} to {last}"

@@ -112,11 +112,12 @@ def test_a_valve_is_screened_from_the_store(
     (result,) = screen_tasks(tasks, watched.limits)
     assert result.verdict is Verdict.STICKY
     assert result.provenance.layout == "samples in the store"
-    empty = Window(start=datetime(2030, 1, 1, tzinfo=UTC))
+    empty = Window(start=datetime(2030, 1, 1, 6, 0, 1, 202485, tzinfo=UTC))
     task = replace(tasks[0], window=empty)
     (nothing,) = screen_tasks([task], watched.limits)
     assert nothing.verdict is Verdict.UNDETERMINED
-    assert "no good sample of the controller output" in nothing.reason
+    window = "2030-01-01 06:00:01+00:00 to …"
+    assert f"no good sample of the controller output in {window}; the store has" in nothing.reason
 
 
 def test_the_same_bytes_are_taken_once_whatever_their_name(
