@@ -14,6 +14,7 @@ from stemwatch.models.signals.forensics import noise_sigma, quantum
 from stemwatch.models.signals.op_in_steps import op_is_set_in_steps
 from stemwatch.models.signals.runs_of_samples import equal_runs
 from stemwatch.models.statistics.cross_correlation import lagged_products
+from stemwatch.models.statistics.distinct import distinct
 from stemwatch.models.statistics.quantiles import percentiles
 
 LONGEST_DELAY_S = 120.0
@@ -63,7 +64,7 @@ def is_copy(recording: Recording) -> bool:
 def _is_switch_on(recording: Recording, source: Signal) -> bool:
     """Whether the position knows two or three values, and ``source`` more. A switch at the middle
     of OP is OP rounded to whole strokes, and no copy."""
-    several = np.unique(source.values[source.usable]).size > TWO_PLACES
+    several = distinct(source.values[source.usable], TWO_PLACES) > TWO_PLACES
     return bool(several and is_limit_switch(recording))
 
 
@@ -133,7 +134,7 @@ def is_limit_switch(recording: Recording) -> bool:
     """True where the position has two or three values only, as a limit switch has."""
     assert recording.mv is not None
     values = recording.mv.values[recording.mv.usable]
-    return bool(values.size) and 1 < np.unique(values).size <= TWO_PLACES
+    return 1 < distinct(values, TWO_PLACES) <= TWO_PLACES
 
 
 def samples_exchanged(recording: Recording) -> bool:
