@@ -7,7 +7,7 @@ from functools import wraps
 from typing import TypeVar
 from weakref import ref
 
-from stemwatch.models.recording import Floats
+from stemwatch.models.recording import Bools, Floats
 
 T = TypeVar("T")
 
@@ -30,3 +30,9 @@ def kept_of_array(function: Callable[[Floats], T]) -> Callable[[Floats], T]:
         return known[key][1]
 
     return once
+
+
+def those_of(values: Floats, which: Bools) -> Floats:
+    """``values[which]``; where that is all of them, ``values`` (n,) itself, not to be written to,
+    of which the figures that were kept are found again."""
+    return values if which.all() else values[which]

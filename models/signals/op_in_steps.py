@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from stemwatch.models.recording import Floats, Recording, kept
+from stemwatch.models.statistics.quantiles import median
 
 FEWEST_STEPS = 8
 LONGEST_ANSWER = 10  # samples after a step within which the stem has answered it
@@ -37,7 +38,7 @@ def set_in_steps(op: Floats, mv: Floats) -> bool:
     if at.size < FEWEST_STEPS:
         return False
     holds = np.diff(at, append=op.size)
-    answer = min(LONGEST_ANSWER, int(MOST_OF_HOLD * float(np.median(holds))))
+    answer = min(LONGEST_ANSWER, int(MOST_OF_HOLD * median(holds)))
     long_enough = holds * MOST_OF_HOLD >= answer
     if answer < 1 or np.mean(long_enough) < 0.5:
         return False

@@ -11,9 +11,11 @@ from stemwatch.models.recording import Floats, Recording, Role, Signal, kept
 from stemwatch.models.signals.excitation import swing, travel
 from stemwatch.models.signals.first_order_lag import first_order_lag
 from stemwatch.models.signals.forensics import noise_sigma, quantum
+from stemwatch.models.signals.kept_of_array import those_of
 from stemwatch.models.signals.op_in_steps import op_is_set_in_steps
 from stemwatch.models.signals.runs_of_samples import equal_runs
 from stemwatch.models.statistics.cross_correlation import lagged_products
+from stemwatch.models.statistics.distinct import distinct
 from stemwatch.models.statistics.quantiles import percentiles
 
 LONGEST_DELAY_S = 120.0
@@ -47,7 +49,7 @@ def _pairs(recording: Recording) -> tuple[Floats, Floats]:
     """OP and MV where both are usable; empty where one of them does not move."""
     assert recording.mv is not None
     usable = recording.usable
-    op, mv = recording.op.values[usable], recording.mv.values[usable]
+    op, mv = those_of(recording.op.values, usable), those_of(recording.mv.values, usable)
     if op.size < 10 or swing(op) == 0.0 or swing(mv) == 0.0:
         return op[:0], mv[:0]
     return op, mv
@@ -63,7 +65,7 @@ def is_copy(recording: Recording) -> bool:
 def _is_switch_on(recording: Recording, source: Signal) -> bool:
     """Whether the position knows two or three values, and ``source`` more. A switch at the middle
     of OP is OP rounded to whole strokes, and no copy."""
-    several = np.unique(source.values[source.usable]).size > TWO_PLACES
+    several = distinct(source.values[source.usable], TWO_PLACES) > TWO_PLACES
     return bool(several and is_limit_switch(recording))
 
 
@@ -93,9 +95,9 @@ def copied_from(recording: Recording) -> Role | None:
             continue
         both = mv.usable & source.usable
         if not np.array_equal(both, usable):
-            usable, copy = both, mv.values[both]
+            usable, copy = both, those_of(mv.values, both)
             tolerance = _tolerance(copy) if copy.size else 0.0
-        source_values = source.values[usable]
+        source_values = those_of(source.values, usable)
         if source_values.size < LEAST_COPIED or not (
             _is_reading(source_values) and _is_reading(copy)
         ):
@@ -119,7 +121,8 @@ def command_is(recording: Recording) -> Role | None:
         if source is None:
             continue
         usable = recording.op.usable & source.usable
-        source_values, copy = source.values[usable], recording.op.values[usable]
+        source_values = those_of(source.values, usable)
+        copy = those_of(recording.op.values, usable)
         if (
             source_values.size >= LEAST_COPIED
             and swing(source_values) > 0.0
@@ -133,7 +136,7 @@ def is_limit_switch(recording: Recording) -> bool:
     """True where the position has two or three values only, as a limit switch has."""
     assert recording.mv is not None
     values = recording.mv.values[recording.mv.usable]
-    return bool(values.size) and 1 < np.unique(values).size <= TWO_PLACES
+    return 1 < distinct(values, TWO_PLACES) <= TWO_PLACES
 
 
 def samples_exchanged(recording: Recording) -> bool:

@@ -94,7 +94,7 @@ def _alone(
     (begin, end), (offset, step, per_sigma) = span, readings
     (share, least4), (crept, _) = slides, rests
     half, product, total = 0.5 * q[stem_number.PLAY], 1.0, 0.0
-    fs_up, fs_down, fd_up, fd_down = course.levels(q)
+    fs_up, fs_down, fd_up, fd_down = course.levels(q, 0.0)
     x, read, going = s[course.X + c], s[course.Z + c], s[course.GOING + c]
     most_up, most_down = course.surely_held(s, c, (fs_up, fs_down), rests[1])
     rested = s[course.RESTED + c]
@@ -134,6 +134,7 @@ def _rest_together(
     force: Floats,
     mv: Floats,
     slack: Floats,
+    wander: Floats,
     samples: tuple[int, int],
     readings: tuple[float, float, float],
     surely: float,
@@ -142,22 +143,25 @@ def _rest_together(
     of them has become too improbable. Returns where that ended, and whether the last weights are
     still to be looked at.
 
-    Of stems without tables, growth, drift and creep; the rest as of ``_alone``.
+    Of stems of which nothing changes at rest (``_changes_at_rest``); the rest as of ``_alone``.
     """
     (first, end), (offset, step, per_sigma), (begin, stop) = samples, readings, span
-    fs_up, fs_down, _, _ = course.levels(q)
     low, high = -np.inf, np.inf
     for c in range(begin, stop):
         if s[course.GOING + c] != 0.0:
             low = np.inf
+        fs_up, fs_down, _, _ = course.levels(q, s[course.FRICTION + c])
         most_up, most_down = course.surely_held(s, c, (fs_up, fs_down), surely)
-        low = max(low, s[course.X + c] - most_down)
-        high = min(high, s[course.X + c] + most_up)
+        place = s[course.X + c] + s[course.PUSHED + c]
+        low, high = max(low, place - most_down), min(high, place + most_up)
+    wanders = q[stem_number.DRIFT] != 0.0 or q[stem_number.BY_TIME] != 0.0
     reached, gain, ends = end, q[stem_number.GAIN], False
     for k in range(first, end):
         if ends or not low <= force[k] <= high:
             reached = k
             break
+        if wanders:
+            offset, _ = _offset_and_growth(q, wander, k, mv.size)
         if per_sigma > 0.0:
             value, free, most, least = mv[k] - offset, slack[k], 0.0, np.inf
             coarse = 0.0 if free > 0.0 else step
@@ -170,7 +174,7 @@ def _rest_together(
     for c in range(begin, stop):
         s[course.RESTED + c] += reached - first
     # Used after the loop too, as in ``_alone``.
-    return min(reached, force.size, mv.size, slack.size + q.size), ends
+    return min(reached, force.size, mv.size, slack.size + q.size + wander.size), ends
 
 
 @never_raises
@@ -211,6 +215,14 @@ def _is_steady(numbers: Floats) -> bool:
 
 
 @never_raises
+def _changes_at_rest(q: Floats) -> bool:
+    """Whether something of a stem changes while it rests, other than its reading: its levels, its
+    place, or what a spring's inner friction holds back."""
+    changing = abs(q[stem_number.GROWTH]) + abs(q[stem_number.CREEP])
+    return bool(changing + q[stem_number.BY_REST] + abs(q[stem_number.HYSTERESIS]) > 0.0)
+
+
+@never_raises
 def _offset_and_growth(q: Floats, wander: Floats, k: int, n: int) -> tuple[float, float]:
     """Of sample ``k`` of ``n``: the reading at half the stroke, and how far friction has grown."""
     offset = 50.0 + q[stem_number.ZERO] + q[stem_number.DRIFT] * (k - 0.5 * n) / n
@@ -244,18 +256,21 @@ def _followed(
     ``scales``: the coarse step, 1 over that of the readings, the scatter, and the interval.
     """
     (now, end), (k, until), (step, per_sigma, scatter, dt) = span, samples, scales
-    most, steady, apart, total = both // course.U(course.CHILDREN), _is_steady(q), False, 0.0
+    most, steady, changes = both // course.U(course.CHILDREN), _is_steady(q), _changes_at_rest(q)
+    apart, total = False, 0.0
     offset, grown = _offset_and_growth(q, wander, k, mv.size)
     rests = q[stem_number.CREEP] * dt, 1.0 - course.SOONEST * scatter
     while k < until:
         begun, readings = k, (offset, step, per_sigma)
+        if not steady:
+            course.look_up_levels(s, (now, end), q, friction, pushing, breakaway)
         if steady and end == now + course.ONE:
             k, likely = _alone(s, now, q, force, mv, slack, (k, until), readings, slides, rests)
             total += likely
         elif apart:
             surely = rests[1]
             k, ends = _rest_together(
-                s, (now, end), q, force, mv, slack, (k, until), readings, surely
+                s, (now, end), q, force, mv, slack, wander, (k, until), readings, surely
             )
             if ends:
                 end, _ = course.keep(s, (now, end), 0.0, 0.0, most)
@@ -263,14 +278,14 @@ def _followed(
         if k > begun:
             continue
         if not steady:
-            course.look_up(s, (now, end), q, friction, pushing, breakaway, dt)
+            course.look_up_slides(s, (now, end), q, pushing, dt)
             offset, grown = _offset_and_growth(q, wander, k, mv.size)
         new = both - now
         course.weigh_chances(s, (now, end), q, (force[k], grown, scatter))
         m = course.branch(s, (now, end), new, q, force[k], rests[0])
         _weigh(s, (new, m), q, (mv[k] - offset, slack[k], step, per_sigma), spring)
         now, (end, joined) = new, course.keep(s, (new, m), alike[0], alike[1], most)
-        apart = steady and not joined and rests[0] == 0.0
+        apart = not (changes or joined)
         if not _SMALL < s[course.WEIGHT + now] < _LARGE:
             total += course.made_one(s, (now, end))
         k += 1

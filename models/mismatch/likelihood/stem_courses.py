@@ -35,7 +35,9 @@ MOST_COURSES = 48  # that can be kept
 # Places of a row: two halves, each with what may become of all courses, and a vector. Rows that lie
 # a whole page apart would push each other out of the processor's cache.
 _WIDTH = 408
-_VECTOR = 4  # courses that the processor takes at once
+# Courses that the processor takes at once, or in two parts: what is left over of the widest vectors
+# would run one by one.
+_VECTOR = 8
 # Rows of the courses: place, place that is read, side of its motion or 0 at rest, samples that it
 # has rested, the largest shares of its levels that were asked for, how probably a stem holds there,
 # its probability.
@@ -168,26 +170,32 @@ def held_by_spring(s: Floats, span: tuple[int, int], q: Floats, spring: Floats) 
 
 
 @never_raises
-def look_up(
+def look_up_levels(
     s: Floats,
     span: tuple[int, int],
     q: Floats,
     friction: Floats,
     pushing: Floats,
     breakaway: Floats,
-    dt: float,
 ) -> None:
-    """Write what the tables say of the courses of a ``span``."""
+    """Write what the tables say of the force on the courses of a ``span``, and of their levels."""
     if q[stem_number.BY_PLACE] != 0.0:
         for i in range(span[0], span[1]):
             x, lane = s[X + i], INT(0)
             s[FRICTION + i] = table_value(friction, lane, x)
             s[PUSHED + i] = table_value(pushing, lane, x)
-            share, least = _share_and_least(dt, q, table_slope(pushing, lane, x))
-            s[SHARE + i], s[LEAST4 + i] = share, least * least * least * least
     if q[stem_number.BY_REST] != 0.0:
         for i in range(span[0], span[1]):
             s[RISE + i] = breakaway[0, int(s[RESTED + i])]
+
+
+@never_raises
+def look_up_slides(s: Floats, span: tuple[int, int], q: Floats, pushing: Floats, dt: float) -> None:
+    """Write how the courses of a ``span`` slide where a force depends on their place."""
+    if q[stem_number.BY_PLACE] != 0.0:
+        for i in range(span[0], span[1]):
+            share, least = _share_and_least(dt, q, table_slope(pushing, INT(0), s[X + i]))
+            s[SHARE + i], s[LEAST4 + i] = share, least * least * least * least
 
 
 @never_raises
@@ -231,7 +239,7 @@ def weigh_chances(
 @never_raises
 def whole_vectors(span: tuple[int, int]) -> int:
     """Places of the whole vectors that hold a ``span``."""
-    return (span[1] - span[0] + U(_VECTOR - 1)) >> U(2) << U(2)
+    return (span[1] - span[0] + U(_VECTOR - 1)) >> U(3) << U(3)
 
 
 @never_raises
@@ -269,10 +277,10 @@ def branch(
 
 
 @never_raises
-def levels(q: Floats) -> tuple[float, float, float, float]:
-    """The breakaway and the sliding levels, rising and falling, of a stem without tables and
-    growth."""
-    level, jump = 0.5 * q[stem_number.S], 0.5 * q[stem_number.J]
+def levels(q: Floats, friction: float) -> tuple[float, float, float, float]:
+    """The breakaway and the sliding levels, rising and falling, of a stem whose levels do not grow,
+    neither over the record nor while it rests; ``friction`` is what its place adds."""
+    level, jump = 0.5 * q[stem_number.S] + friction, 0.5 * q[stem_number.J]
     jump_up = jump * (1.0 + q[stem_number.ASYMMETRY])
     jump_down = jump * (1.0 - q[stem_number.ASYMMETRY])
     fs_up, fs_down = max(level + jump_up, _LEAST_LEVEL), max(level + jump_down, _LEAST_LEVEL)

@@ -6,7 +6,7 @@ import gc
 
 import numpy as np
 
-from stemwatch.models.signals.kept_of_array import kept_of_array
+from stemwatch.models.signals.kept_of_array import kept_of_array, those_of
 
 
 def counted():
@@ -54,3 +54,12 @@ def test_an_array_in_the_place_of_one_that_is_gone_is_not_taken_for_it():
         assert total(read_only([float(number), 1.0])) == number + 1.0
         gc.collect(0)
     assert len(calls) == 50
+
+
+def test_what_is_kept_of_a_signal_is_found_again_where_all_of_it_is_chosen():
+    """A part of it is another array, with a figure of its own."""
+    total, calls = counted()
+    values, all_of_them = read_only([1.0, 2.0, 4.0]), np.ones(3, dtype=bool)
+    assert total(values) == total(those_of(values, all_of_them)) == 7.0
+    assert calls == [3]
+    assert total(those_of(values, np.array([True, False, True]))) == 5.0

@@ -155,6 +155,21 @@ def test_a_value_within_its_slack_costs_nothing() -> None:
     assert far < exact - 100.0
 
 
+def test_tables_say_what_numbers_say() -> None:
+    """The same friction, force and reading, told by place, along the record or by one number."""
+    op, mv = slipping()
+    plain = likelihood(op, mv, *stem_of(op.size))[0]
+    q, tables = stem_of(op.size, S=3.4, BY_PLACE=1.0)
+    tables.friction[:], tables.force[:] = 0.3, 0.5
+    assert likelihood(op + 0.5, mv, q, tables)[0] == pytest.approx(plain, rel=1e-9)
+    time = np.arange(op.size) / op.size - 0.5
+    q, tables = stem_of(op.size, DRIFT=2.0, BY_TIME=1.0)
+    wander = np.sin(9.0 * time)
+    tables.wander[0, :-1] = wander
+    drifting = mv + 2.0 * time + wander
+    assert likelihood(op, drifting, q, tables)[0] == pytest.approx(plain, rel=1e-9)
+
+
 def test_a_run_that_has_fallen_behind_is_given_up() -> None:
     """After the block in which its sum is below the limit; above it nothing changes."""
     op, mv = slipping()
