@@ -13,6 +13,7 @@ from stemwatch.models.mismatch.term import ActsOn, Term
 FRESH = (2.0, 4.0, 7.0)
 FRESH_RATIO = 0.4
 COMES_TO_REST = 0.02  # %/s
+PARTS_OF_PLAY = (0.5, 1.0, 0.75, 0.2)  # of it, that S alone has taken up
 _LED_ASTRAY = ("travel_stop", "rate_limit", "asymmetric_rate_limit")
 
 
@@ -33,13 +34,9 @@ def beginnings(term: Term, S: float, J: float) -> list[Beginning]:
             Beginning(0.5 * S, 0.1 * S, plain=True),
         ]
     if term.slug == "lost_motion":
-        # The base has fitted the play as part of S and subtracted it from J.
-        return [
-            own_reading,
-            Beginning(S, J, S_less=1.0),
-            Beginning(S, J, S_less=1.0, J_less=-0.5),
-            Beginning(S, J, S_less=0.0, J_less=-1.0),
-        ]
+        # Where the reading comes to rest tells S - J + b, which the base has fitted as its S - J:
+        # what it has too much of S and too little of J is b together, in unknown parts.
+        return [Beginning(S, J, S_less=part, J_less=part - 1.0) for part in PARTS_OF_PLAY]
     if term.slug == "dwell_dependent_breakaway":
         # The term raises the breakaway only, by b ln(1 + rest/t0), so S and J both become smaller.
         return [own_reading, *(Beginning(S, J, S_less=k, J_less=k) for k in (1.0, 2.0, 3.0))]
