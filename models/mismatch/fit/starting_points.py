@@ -34,9 +34,13 @@ def beginnings(term: Term, S: float, J: float) -> list[Beginning]:
             Beginning(0.5 * S, 0.1 * S, plain=True),
         ]
     if term.slug == "lost_motion":
-        # Where the reading comes to rest tells S - J + b, which the base has fitted as its S - J:
-        # what it has too much of S and too little of J is b together, in unknown parts.
-        return [Beginning(S, J, S_less=part, J_less=part - 1.0) for part in PARTS_OF_PLAY]
+        # The base has fitted the play as part of S and subtracted it from J.
+        return [
+            own_reading,
+            Beginning(S, J, S_less=1.0),
+            Beginning(S, J, S_less=1.0, J_less=-0.5),
+            Beginning(S, J, S_less=0.0, J_less=-1.0),
+        ]
     if term.slug == "dwell_dependent_breakaway":
         # The term raises the breakaway only, by b ln(1 + rest/t0), so S and J both become smaller.
         return [own_reading, *(Beginning(S, J, S_less=k, J_less=k) for k in (1.0, 2.0, 3.0))]
@@ -47,3 +51,11 @@ def beginnings(term: Term, S: float, J: float) -> list[Beginning]:
         Beginning(0.85 * S, 0.55 * S, plain=True),
         Beginning(0.7 * S, 0.2 * S, plain=True),
     ]
+
+
+def play_beginnings(S: float, J: float) -> list[Beginning]:
+    """S and J to begin with beside play, by which the reading comes to rest as with ``S`` and ``J``
+    alone, percent: that tells S - J + b. What the base has too much of S and too little of J is b
+    together, in unknown parts.
+    """
+    return [Beginning(S, J, S_less=part, J_less=part - 1.0) for part in PARTS_OF_PLAY]

@@ -25,7 +25,11 @@ from stemwatch.models.mismatch.fit.base_coordinate import RATIO, S_PERCENT, S_an
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import Fitted, gain, on_both, scored, widened
 from stemwatch.models.mismatch.fit.evaluator import CoordinateLayout, Evaluator, TermSet
-from stemwatch.models.mismatch.fit.starting_points import PARTS_OF_PLAY, beginnings
+from stemwatch.models.mismatch.fit.starting_points import (
+    PARTS_OF_PLAY,
+    beginnings,
+    play_beginnings,
+)
 from stemwatch.models.mismatch.likelihood.maximum_likelihood import (
     LEAST_GAIN,
     LEAST_PRODUCT,
@@ -318,7 +322,8 @@ def _best_start(
     rich = named.fitted.layout.hypothesis.plus(term)
     layout = evaluator.layout(rich)
     S, J = S_and_J(alone.candidate)
-    rows = widened(evaluator, rich, simple, term, beginnings(term, S, J))
+    begun_from = play_beginnings(S, J) if term.slug == PLAY else beginnings(term, S, J)
+    rows = widened(evaluator, rich, simple, term, begun_from)
     # Where trajectories ended comes first: starts that fall far behind are soon given up.
     rows = _spread(rows, term.starts(evaluator.summary).shape[0])
     for stage in named.stages:

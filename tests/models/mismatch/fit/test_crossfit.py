@@ -24,7 +24,7 @@ from stemwatch.models.mismatch.fit.crossfit import (
     scored,
     widened,
 )
-from stemwatch.models.mismatch.fit.starting_points import beginnings
+from stemwatch.models.mismatch.fit.starting_points import beginnings, play_beginnings
 from stemwatch.models.mismatch.terms import catalogue
 from tests.models.mismatch.fitted_chain import (
     candidate,
@@ -181,7 +181,7 @@ def test_play_is_begun_where_the_reading_comes_to_rest_as_before():
     evaluator, base = prepared()[0], prepared()[0].layout(hypothesis())
     simple = at_random(evaluator, base, 5)
     term = catalogue()["lost_motion"]
-    rows = widened(evaluator, hypothesis("lost_motion"), simple, term, beginnings(term, 8.0, 1.0))
+    rows = widened(evaluator, hypothesis("lost_motion"), simple, term, play_beginnings(8.0, 1.0))
     S, play = rows[:, base_coordinate.S_PERCENT], rows[:, -1]
     J = S * rows[:, base_coordinate.RATIO]
     # With the least that S and J can be, no such stem has the play.
