@@ -43,7 +43,6 @@ from stemwatch.models.mismatch.measurement.record_effects import measured_record
 from stemwatch.models.mismatch.prepared_recording import PreparedRecording, prepare, problem_of
 from stemwatch.models.mismatch.search.named_by_likelihood import (
     ALL_OVER,
-    HARDER,
     evidence_of,
     leaves_something,
     points_at,
@@ -192,8 +191,8 @@ def likelihood_of(
             with_it = _better(with_it, likelihood.maximised(of_both, [point]))
         if with_it.total + without_it.total - sum(before) < SETTLED:
             break
-    harder, rarely = HARDER.get(slug, 1.0), RARELY_ACTS.get(slug, 1.0)
-    evidence = evidence_of(with_it, without_it, harder, rarely)
+    rarely = RARELY_ACTS.get(slug, 1.0)
+    evidence = evidence_of(with_it, without_it, rarely)
     return evidence, leaves_something(with_it, evaluator)
 
 

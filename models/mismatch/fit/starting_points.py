@@ -13,6 +13,7 @@ from stemwatch.models.mismatch.term import ActsOn, Term
 FRESH = (2.0, 4.0, 7.0)
 FRESH_RATIO = 0.4
 COMES_TO_REST = 0.02  # %/s
+PARTS_OF_PLAY = (0.5, 1.0, 0.75, 0.2)  # of it, that S alone has taken up
 _LED_ASTRAY = ("travel_stop", "rate_limit", "asymmetric_rate_limit")
 
 
@@ -50,3 +51,11 @@ def beginnings(term: Term, S: float, J: float) -> list[Beginning]:
         Beginning(0.85 * S, 0.55 * S, plain=True),
         Beginning(0.7 * S, 0.2 * S, plain=True),
     ]
+
+
+def play_beginnings(S: float, J: float) -> list[Beginning]:
+    """S and J to begin with beside play, by which the reading comes to rest as with ``S`` and ``J``
+    alone, percent: that tells S - J + b. What the base has too much of S and too little of J is b
+    together, in unknown parts.
+    """
+    return [Beginning(S, J, S_less=part, J_less=part - 1.0) for part in PARTS_OF_PLAY]

@@ -24,7 +24,7 @@ from stemwatch.models.mismatch.fit.crossfit import (
     scored,
     widened,
 )
-from stemwatch.models.mismatch.fit.starting_points import beginnings
+from stemwatch.models.mismatch.fit.starting_points import beginnings, play_beginnings
 from stemwatch.models.mismatch.terms import catalogue
 from tests.models.mismatch.fitted_chain import (
     candidate,
@@ -174,6 +174,21 @@ def test_starts_are_the_terms_own_grid_over_each_beginning(slug):
     np.testing.assert_allclose(
         rows[:, layout.places["sensor_drift"]], np.tile(drift, (len(rows), 1))
     )
+
+
+def test_play_is_begun_where_the_reading_comes_to_rest_as_before():
+    """S - J + b is what S - J was without it, whatever part of it S has taken up."""
+    evaluator, base = prepared()[0], prepared()[0].layout(hypothesis())
+    simple = at_random(evaluator, base, 5)
+    term = catalogue()["lost_motion"]
+    rows = widened(evaluator, hypothesis("lost_motion"), simple, term, play_beginnings(8.0, 1.0))
+    S, play = rows[:, base_coordinate.S_PERCENT], rows[:, -1]
+    J = S * rows[:, base_coordinate.RATIO]
+    # With the least that S and J can be, no such stem has the play.
+    free = (S > 0.3 * 8.0 + 1e-9) & (J > 0.05 * S + 1e-9) & (J < S - 1e-9)
+    np.testing.assert_allclose((S - J + play)[free], 7.0)
+    assert np.count_nonzero(free) > 10
+    assert len(set(np.round(J[free & (play == play[0])], 6))) > 2
 
 
 def test_a_start_subtracts_from_S_the_part_that_belongs_to_the_term():

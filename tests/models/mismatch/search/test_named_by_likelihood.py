@@ -7,10 +7,19 @@ from functools import cache
 import numpy as np
 import pytest
 
+from stemwatch.models.mismatch.acceptance.accepted_hypothesis import named_effects
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding, Mismatch
 from stemwatch.models.mismatch.likelihood.maximum_likelihood import LEAST_GAIN, RecordLikelihood
-from stemwatch.models.mismatch.search.named_by_likelihood import STARTS, _spread
+from stemwatch.models.mismatch.measurement.record_effects import measured_record
+from stemwatch.models.mismatch.prepared_recording import prepare, problem_of
+from stemwatch.models.mismatch.search.named_by_likelihood import (
+    STARTS,
+    _spread,
+    strongest_by_likelihood,
+)
+from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.preparation.own_clock import on_own_clock
 from stemwatch.models.studies.simulator.hidden import (
     draw_effect,
     draw_hidden,
@@ -133,6 +142,25 @@ def test_a_term_is_begun_from_other_s_and_j_as_well() -> None:
         assert 0 < len(here) < sizes
         assert S == 1 or not here & before
     assert len(begun) <= STARTS + sizes
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("seed", "number"), [(2124, 72), (2127, 204)])
+def test_play_is_begun_where_the_reading_comes_to_rest(seed: int, number: int) -> None:
+    """About as wide as a slip is high: S and J alone end far from the true ones then."""
+    assert named_on_drawn(seed, number) == {("lost_motion",)}
+
+
+@pytest.mark.parametrize("number", [53, 71])
+def test_the_record_without_play_is_searched_where_the_reading_rests_as_with_it(
+    number: int,
+) -> None:
+    """Nothing is hidden; S and J alone had ended at another level, and play made up for that."""
+    recording = on_own_clock(draw_nulls(number + 1, 4064)[number].simulated().recording)
+    measured = measured_record(recording)
+    case = prepare(recording, measured, None, problem_of(recording, measured))
+    play = catalogue()["lost_motion"]
+    assert strongest_by_likelihood(named_effects(case, {}), [play]) < 1.0
 
 
 @pytest.mark.long
