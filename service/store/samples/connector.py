@@ -24,7 +24,9 @@ from stemwatch.connectors.historian.times.source_clock import (
     clock_facts,
     lay_column,
     make_grid,
+    times_stored,
 )
+from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.connectors.historian.times.timeline import Timeline
 from stemwatch.connectors.historian.values.columns import Column, sharing_times
 from stemwatch.models.recording import PERCENT, Provenance, Recording, Role, Signal
@@ -64,8 +66,9 @@ class StoredSamples:
         )
         grid = self._grid(columns[Role.OP], window)
         notes = [f"The samples come from the store, where {self.source} was collected."]
+        stored = times_stored(columns.values())
         signals = {
-            role: _signal(column, valve.tags[role], grid, role, notes)
+            role: _signal(column, valve.tags[role], grid, role, stored, notes)
             for role, column in columns.items()
         }
         return Recording(
@@ -118,9 +121,9 @@ class StoredSamples:
 
 
 def _signal(
-    column: Column, mapping: TagMapping, grid: Grid, role: Role, notes: list[str]
+    column: Column, mapping: TagMapping, grid: Grid, role: Role, stored: Ints, notes: list[str]
 ) -> Signal:
-    on_grid = lay_column(column, grid, is_clock=role is Role.OP)
+    on_grid = lay_column(column, grid, is_clock=role is Role.OP, stored=stored)
     if on_grid.decision:
         notes.append(on_grid.decision)
     values, unit = on_grid.values, mapping.unit or column.unit
