@@ -58,3 +58,12 @@ def test_reports_count_where_a_lag_was_fitted_beside_friction():
     assert one.S.high is not None
     assert one.S.high >= one.S.value + 0.9 * DEVIATION
     assert any("stored reports by exception" in said for said in one.provenance.decisions)
+
+
+@pytest.mark.parametrize("number", [4, 7])
+def test_no_slow_actuator_is_named_in_the_place_of_friction_behind_reports(number):
+    """A drag or lag of healthy valves that has the S of friction alone may be the reports' own."""
+    _, one = behind_reports(number, draw_healthy)
+    assert one.mismatch is not None
+    assert not one.mismatch.effects
+    assert "come late" in one.mismatch.sentence
