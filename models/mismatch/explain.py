@@ -463,9 +463,6 @@ def _restored(mismatch: Mismatch, archive: Archive, evaluator: Evaluator) -> Mis
         return mismatch
     missed = archive.missed_by(evaluator.problem, mismatch.runs.extended)
     S, J = archive.restored(restated.S, restated.J, missed)
-    if in_place:  # reports come late, as behind the effect that was named
-        S_alone, J_alone = archive.restored(naive.S, naive.J, missed)
-        S, J = S.holding(S_alone), J.holding(J_alone)
     return replace(
         mismatch,
         restated=Stiction(S=S, J=J),

@@ -16,10 +16,10 @@ from stemwatch.models.decision.shaken_loose import (
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Mismatch, Stiction
-from stemwatch.models.mismatch.measurement.between_samples import stands_for_friction
 from stemwatch.models.narx.example import NarxFit
 from stemwatch.models.preparation.own_clock import duration
 from stemwatch.models.screening.fitted_recording import FittedRecording
+from stemwatch.models.screening.published_stiction import stands_behind_reports
 
 SLOW_ACTUATOR = (
     "Friction behind a slow actuator follows the part of the recording that was not fitted far "
@@ -88,9 +88,8 @@ def as_shown(
 
 def _may_be_late_reports(found: Mismatch, fitted: FittedRecording) -> bool:
     """Whether a slow actuator behind reports by exception has most of the S of friction alone."""
-    reports = fitted.archive is not None and fitted.archive.deviation > 0.0
     slow = any(effect.slug in OF_SLOW_ACTUATORS for effect in found.effects)
-    return reports and slow and stands_for_friction(found.restated.S, found.naive.S)
+    return slow and stands_behind_reports(fitted, found.restated.S)
 
 
 def _not_named(found: Mismatch, reason: str) -> Mismatch:
