@@ -25,8 +25,10 @@ from stemwatch.connectors.historian.source_clock import (
     clock_facts,
     lay_column,
     make_grid,
+    times_stored,
 )
 from stemwatch.connectors.historian.times.epoch import EPOCH, ns_of
+from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.connectors.historian.times.timeline import Timeline
 from stemwatch.connectors.historian.values.units import canonical
 from stemwatch.models.recording import (
@@ -106,8 +108,9 @@ def assemble(opened: SampleSource, valve: ValveTags, window: Window) -> Recordin
     if grid.size == 0:
         raise NothingInWindow(_outside_window(opened, op, window))
     notes: list[str] = []
+    stored = times_stored(columns.values())
     signals = {
-        role: _signal(role, column, valve.tags[role], grid, notes)
+        role: _signal(role, column, valve.tags[role], grid, stored, notes)
         for role, column in columns.items()
     }
     _remark_same_values(signals, notes)
@@ -222,9 +225,9 @@ def _outside_window(opened: SampleSource, op: Column, window: Window) -> str:
 
 
 def _signal(
-    role: Role, column: Column, mapping: TagMapping, grid: Grid, notes: list[str]
+    role: Role, column: Column, mapping: TagMapping, grid: Grid, stored: Ints, notes: list[str]
 ) -> Signal:
-    on_grid = lay_column(column, grid, is_clock=role is Role.OP)
+    on_grid = lay_column(column, grid, is_clock=role is Role.OP, stored=stored)
     if on_grid.decision:
         notes.append(on_grid.decision)
     own_spacing_s = own_interval_s(column, command=role not in (Role.PV, Role.MV))

@@ -1,11 +1,13 @@
 """The source's clock: its properties, and the even grid on which the samples are placed.
 
 A sample goes to the grid's nearest instant and keeps its value; nothing is interpolated. Instants
-without a sample are MISSING.
+without a sample are MISSING. Of a tag that is reported when it has moved by a deviation the last
+value is good until the next, unless the archive stored nothing at all.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -14,6 +16,11 @@ from numpy.typing import NDArray
 
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.historian.columns import Column
+from stemwatch.connectors.historian.times.deviation_reports import (
+    by_deviation,
+    heartbeat_ns,
+    silent,
+)
 from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.connectors.historian.times.timeline import Timeline, distinct_times, middle
 from stemwatch.models.recording import Bools, ClockFacts, Floats, Quality
@@ -126,12 +133,30 @@ class ColumnOnGrid:
     decision: str = ""
 
 
-def lay_column(column: Column, grid: Grid, *, is_clock: bool) -> ColumnOnGrid:
-    """``column`` on ``grid``: at the nearest instants where it has the grid's rate, else held."""
+def times_stored(columns: Iterable[Column]) -> Ints:
+    """The times, each once, at which the archive stored anything of a valve with these
+    ``columns``."""
+    timelines = {id(column.times): column.times for column in columns if column.ns.size}
+    distinct = [times.distinct for times in timelines.values()]
+    if len(distinct) == 1:
+        return distinct[0]
+    return np.unique(np.concatenate(distinct)) if distinct else np.empty(0, dtype=np.int64)
+
+
+def lay_column(
+    column: Column, grid: Grid, *, is_clock: bool, stored: Ints | None = None
+) -> ColumnOnGrid:
+    """``column`` on ``grid``: at the nearest instants where it has the grid's rate, else held.
+
+    ``stored`` are the ``times_stored`` of its valve, by which a tag at rest is told from an
+    archive that was down; by default its own.
+    """
     if column.ns.size == 0:
         return ColumnOnGrid(
             np.full(grid.size, np.nan), np.full(grid.size, Quality.MISSING, np.uint8)
         )
+    if by_deviation(column.times, column.values):
+        return _lay_reports(column, grid, column.times.distinct if stored is None else stored)
     exception, usual_step = column.times.by_exception, column.times.usual_step
     own_step_ns = grid.interval_ns if usual_step is None else usual_step
     if not exception and (is_clock or own_step_ns <= 1.1 * grid.interval_ns):
@@ -245,6 +270,27 @@ def _lay_held(column: Column, grid: Grid, own_step_ns: float, exception: bool) -
         f"held when older than {_GAP * max(grid.interval_ns, own_step_ns) / 1e9:g} s."
     )
     return ColumnOnGrid(values, quality.astype(np.uint8), decision)
+
+
+def _lay_reports(column: Column, grid: Grid, stored: Ints) -> ColumnOnGrid:
+    """Each report until the next. After the last one it is held as any tag is."""
+    assert column.times.usual_step is not None  # of a tag whose steps are uneven
+    instants = grid.instants
+    limit = _hold_limit(column.times, column.times.usual_step, exception=True)
+    limit = max(limit, heartbeat_ns(column.times))
+    last = np.searchsorted(column.ns, instants, side="right") - 1
+    sample = np.maximum(last, 0)
+    ended = (last == column.ns.size - 1) & (instants - column.ns[sample] > limit)
+    known = (last >= 0) & ~ended & ~silent(stored, instants, limit)
+    quality = np.where(known, column.quality[sample], Quality.MISSING).astype(np.uint8)
+    decision = (
+        f"{column.tag} is reported when it has moved by a deviation: between two reports it is "
+        "taken to rest at the earlier one, except where nothing of this valve was stored for "
+        f"{limit / 1e9:g} s."
+    )
+    return ColumnOnGrid(
+        np.where(quality <= Quality.HELD, column.values[sample], np.nan), quality, decision
+    )
 
 
 def _hold_limit(times: Timeline, own_step_ns: float, exception: bool) -> float:

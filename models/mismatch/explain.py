@@ -453,8 +453,9 @@ def _uneven_readings(
 
 def _restored(mismatch: Mismatch, archive: Archive, evaluator: Evaluator) -> Mismatch:
     """The mismatch with S and J raised by what a slow archive lost of OP's peaks."""
-    restated = mismatch.restated
-    if mismatch.finding is Finding.UNKNOWN or stands_for_friction(restated.S, mismatch.naive.S):
+    restated, naive = mismatch.restated, mismatch.naive
+    in_place = stands_for_friction(restated.S, naive.S)
+    if mismatch.finding is Finding.UNKNOWN or (in_place and archive.deviation <= 0.0):
         return mismatch
     # A distance between command and stem that a slow actuator causes was not lost between samples.
     slow = any(catalogue()[effect.slug].acts_on is ActsOn.COMMAND for effect in mismatch.effects)

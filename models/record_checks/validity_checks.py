@@ -47,6 +47,7 @@ TURNED_AT_THE_END = 0.05
 # Obstacles of an OP that moved too little to show a sticking stem, with or without a position.
 OP_AT_REST = ("op_still", "manual", "few_reversals")
 COARSEST_PERCENT = 3.0  # steps of a position, twice the S of a sticky valve
+MOSTLY_HELD = 0.5  # of the unusable samples
 MAP_POSITION = "Map the tag of the stem position (ZT, POS, positioner feedback)."
 STUCK_REMEDY = "Look at the valve: a stroke test tells a stuck stem from a dead transmitter."
 UNCHANGED = "the position did not change by one digit"
@@ -266,6 +267,26 @@ def _still_obstacles(recording: Recording) -> list[Obstacle]:
     return []
 
 
+def _many_bad(recording: Recording, bad: float) -> Obstacle:
+    """A share ``bad`` of unusable samples; of an archive that compresses, most repeat an older
+    value, and nothing is broken."""
+    held = recording.op.quality == Quality.HELD
+    if recording.mv is not None:
+        held = held | (recording.mv.quality == Quality.HELD)
+    if float(np.mean(held)) < MOSTLY_HELD * bad:
+        return Obstacle(
+            "bad_samples",
+            f"{share(bad)} of the samples are missing or marked bad",
+            "Repair the archive or the transmitter, or choose another time window.",
+        )
+    return Obstacle(
+        "bad_samples",
+        f"{share(bad)} of the samples are missing or repeat an older value: OP or position is "
+        "stored at uneven times only, as by an archive that compresses",
+        "Have OP and position archived at even times, without compression, and screen it again.",
+    )
+
+
 def length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
     """Too few samples, too many bad ones, or too many holes between them."""
     usable = int(recording.usable.sum())
@@ -277,13 +298,7 @@ def length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
         obstacles.append(_too_short(recording, usable, least_s, limits))
     bad = 1.0 - usable / max(len(recording) - int(np.sum(between_pieces(recording))), 1)
     if bad > limits.max_bad_share:
-        obstacles.append(
-            Obstacle(
-                "bad_samples",
-                f"{share(bad)} of the samples are missing or marked bad",
-                "Repair the archive or the transmitter, or choose another time window.",
-            )
-        )
+        obstacles.append(_many_bad(recording, bad))
     fitted = int(np.sum(scored_samples(recording)))
     if not obstacles and fitted < limits.min_samples:
         obstacles.append(

@@ -7,13 +7,19 @@ from __future__ import annotations
 from dataclasses import replace
 
 from stemwatch.models.decision import residual
-from stemwatch.models.decision.shaken_loose import LIKE_A_SHAKEN_BAND, RESTS, is_sure
+from stemwatch.models.decision.shaken_loose import (
+    LIKE_A_SHAKEN_BAND,
+    OF_SLOW_ACTUATORS,
+    RESTS,
+    is_sure,
+)
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Mismatch, Stiction
 from stemwatch.models.narx.example import NarxFit
 from stemwatch.models.preparation.own_clock import duration
 from stemwatch.models.screening.fitted_recording import FittedRecording
+from stemwatch.models.screening.published_stiction import stands_behind_reports
 
 SLOW_ACTUATOR = (
     "Friction behind a slow actuator follows the part of the recording that was not fitted far "
@@ -22,6 +28,10 @@ SLOW_ACTUATOR = (
 SHAKEN_LOOSE = (
     "This may be a slow actuator, or friction that OP shakes loose between two samples: the "
     "recording cannot tell, and nothing is named."
+)
+LATE_REPORTS = (
+    "This may be a slow actuator, or friction: reports by exception come late, as behind a lag. "
+    "The recording cannot tell, and nothing is named."
 )
 PERHAPS_EXCHANGED = (
     "The position moves {} before OP, so that OP may be the position and the position OP: what S "
@@ -64,14 +74,22 @@ def as_shown(
 ) -> Mismatch:
     """``mismatch`` with the one S and J of a valve and window, wherever they are shown, with its
     free runs on the clock of the whole recording, and without the slow actuator that
-    ``may_be_S``, or an S that noise of OP may have ``hidden``."""
+    ``may_be_S``, an S that noise of OP may have ``hidden``, or late reports."""
     shown = _not_named(mismatch, SHAKEN_LOOSE) if may_be_S else mismatch
+    if _may_be_late_reports(shown, fitted):
+        shown = _not_named(shown, LATE_REPORTS)
     if hidden and any(effect.slug in LIKE_A_SHAKEN_BAND for effect in shown.effects):
         shown = _not_named(shown, SHAKEN_LOOSE)
     if shown.runs is not None and fitted.stretch is not None:
         runs = shown.runs.within(fitted.stretch.first, len(fitted.whole))
         shown = replace(shown, runs=runs)
     return replace(shown, restated=Stiction(S=S, J=J))
+
+
+def _may_be_late_reports(found: Mismatch, fitted: FittedRecording) -> bool:
+    """Whether a slow actuator behind reports by exception has most of the S of friction alone."""
+    slow = any(effect.slug in OF_SLOW_ACTUATORS for effect in found.effects)
+    return slow and stands_behind_reports(fitted, found.restated.S)
 
 
 def _not_named(found: Mismatch, reason: str) -> Mismatch:

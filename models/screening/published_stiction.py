@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.findings import Finding, Mismatch
+from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
+from stemwatch.models.mismatch.measurement.between_samples import stands_for_friction
 from stemwatch.models.recording import PERCENT, Floats
 from stemwatch.models.screening.fitted_recording import FittedRecording
+from stemwatch.models.stickslip.fit import S_and_J
 from stemwatch.models.stickslip.interval import interval, spread_of
 
 
@@ -14,8 +16,8 @@ def published_stiction(
 ) -> tuple[Estimate, Estimate, Floats]:
     """S, J and draws of S, percent of OP: those of the fit with the named effects, if any."""
     if mismatch is not None and mismatch.effects and mismatch.restated.S.value is not None:
-        restated = mismatch.restated
-        return restated.S, restated.J, spread_of(restated.S)
+        S, J = _unless_late(fitted, mismatch.restated)
+        return S, J, spread_of(S)
     S, J, S_draws = _of_stickslip_fit(fitted)
     if mismatch is not None and lag_is_doubtful(fitted, mismatch, S, J):
         # Only this fit needs the lag, and the recording does not show which of the two is right.
@@ -37,6 +39,31 @@ def lag_is_doubtful(fitted: FittedRecording, mismatch: Mismatch, S: Estimate, J:
     explained = mismatch.finding is Finding.NONE
     restated = mismatch.restated
     return explained and (restated.S.contradicts(S) or restated.J.contradicts(J))
+
+
+def stands_behind_reports(fitted: FittedRecording, S: Estimate) -> bool:
+    """Whether reports by exception, which come late as behind a lag, may have what a fit with an
+    ``S`` leaves of the S of friction alone."""
+    reports = fitted.archive is not None and fitted.archive.deviation > 0.0
+    return reports and stands_for_friction(S, _exactly(fitted.S_alone))
+
+
+def _unless_late(fitted: FittedRecording, restated: Stiction) -> tuple[Estimate, Estimate]:
+    """S and J beside named effects, percent of OP; behind reports that come late the intervals
+    hold those of friction alone."""
+    if not stands_behind_reports(fitted, restated.S):
+        return restated.S, restated.J
+    archive, curve = fitted.archive, fitted.curve
+    assert archive is not None
+    S_alone, J_alone = (_exactly(value) for value in S_and_J(fitted.fit.naive))
+    S, J = archive.restored(S_alone, J_alone, 0.0)
+    if curve is not None:
+        S, J = curve.in_op(S), curve.in_op(J, is_jump=True)
+    return restated.S.holding(S), restated.J.holding(J)
+
+
+def _exactly(value: float) -> Estimate:
+    return Estimate(value=value, low=value, high=value, unit=PERCENT)
 
 
 def _of_stickslip_fit(fitted: FittedRecording) -> tuple[Estimate, Estimate, Floats]:

@@ -82,6 +82,7 @@ LEAST_FIT_OF_NAMED = 65.0
 # Share of a line's mean advantage from which a bend tells against it: beside a zero that was off it
 # gained 0.05 of that, where a force over place was read as a span 0.13 (development valves).
 LEAST_BEND = 0.1
+AT_MOST = 1.95  # mean advantage of which nearly every block counts as much as it may
 # Least strength of a weaker effect beside a spring with hysteresis. Of 27 simulated ones that were
 # named (`draw_hidden`, seed 4090, and `draw_effect`, 4063, development) four had another effect
 # beside them: on even places of 1.6 at most, from which this was chosen, on odd ones of 1.8.
@@ -457,10 +458,22 @@ def _terms_that_stand(
             or (much_nearer and _of_air(effect))
         )
     lines = [effect.evidence.mean for effect in effects if effect.slug in STRAIGHT_LINE]
-    if lines and (_refuted(heldout) or _is_bent(evaluator, fitted, max(lines))):
+    bent = lines and not _is_nearly_all(lines, heldout) and _is_bent(evaluator, fitted, max(lines))
+    if bent or (lines and _refuted(heldout)):
         effects = tuple(effect for effect in effects if effect.slug not in STRAIGHT_LINE)
         unexplained = unexplained or not effects
     return effects, unexplained
+
+
+def _is_nearly_all(lines: Sequence[float], heldout: HeldOutFit) -> bool:
+    """Whether the reading's line, the best of ``lines`` (mean advantages), leaves so little of what
+    S and J alone leave that no bend can be a part of it. Each block counts 2 at most
+    (``stickslip.fit.advantage``), beside which a bend of some hundredths of a percent would be a
+    part of a zero that is off by much."""
+    before, after = heldout.rmse_naive, heldout.rmse_extended
+    if max(lines) < AT_MOST or before is None or after is None:
+        return False
+    return after < LEAST_BEND * before
 
 
 def _is_bent(evaluator: Evaluator, fitted: Fitted, mean_of_line: float) -> bool:

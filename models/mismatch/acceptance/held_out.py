@@ -21,12 +21,14 @@ from stemwatch.models.mismatch.fit.base_fit import (
     naive_evaluator,
     naive_layout,
     sticking_again,
+    suggested_zero,
 )
 from stemwatch.models.mismatch.fit.batched_search import Search, conclude
 from stemwatch.models.mismatch.fit.crossfit import CAREFUL, Fitted, folds, on_both, search, widened
 from stemwatch.models.mismatch.fit.evaluator import CoordinateLayout, Evaluator, TermSet
 from stemwatch.models.mismatch.fit.starting_points import beginnings
 from stemwatch.models.mismatch.term import Term
+from stemwatch.models.mismatch.terms._common import CALIBRATE_FROM_PERCENT
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.statistics.block_bootstrap import COVERAGE, block_weights
 
@@ -82,6 +84,7 @@ class FirstPart:
         evaluator = self.evaluator
         layout = evaluator.layout(TermSet())
         starts = np.vstack((_few_candidates(evaluator), beyond_command(evaluator.summary, 0.0)))
+        starts = np.vstack((starts, *_of_a_reading_off(evaluator, starts)))
         sliding = conclude(
             evaluator,
             search(evaluator, layout, self.blocks, layout.bounds.clip(starts), CAREFUL),
@@ -242,6 +245,17 @@ def _running_free(
         best = conclude(free, search(free, layout, train, starts, NAIVE)).candidate
         starts = best[None, :]
     return best
+
+
+def _of_a_reading_off(evaluator: Evaluator, starts: Floats) -> list[Floats]:
+    """``starts`` (m, 6) with the zero that the loop suggests, where that is far from none: from no
+    zero a search then ends at an S as wide as the zero is off."""
+    zero = suggested_zero(evaluator.problem)
+    if abs(zero) < CALIBRATE_FROM_PERCENT:
+        return []
+    moved = starts.copy()
+    moved[:, base_coordinate.ZERO] = zero
+    return [moved]
 
 
 def _few_candidates(evaluator: Evaluator) -> Floats:

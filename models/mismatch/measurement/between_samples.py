@@ -307,7 +307,8 @@ def as_sampled(fit: StickSlipFit, recording: Recording) -> tuple[StickSlipFit, A
     if fit.hypothesis != "both":
         return fit, archive
     if S_and_J(fit.candidate)[0] < LEFT_BY_A_LAG * S_and_J(fit.naive)[0]:
-        return single, None
+        # Reports come late, which looks like a lag: S is known no better than their deviation.
+        return (fit, archive) if archive.deviation > 0.0 else (single, None)
     c, sample = fit.candidate, archive.apart * fit.evaluator.problem.interval_s
     late = max(c[coordinate.DEAD_TIME_S], c[coordinate.LAG_UP_S], c[coordinate.LAG_DOWN_S])
     steps = np.abs(np.diff(fit.evaluator.problem.op))

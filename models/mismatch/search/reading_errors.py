@@ -32,6 +32,7 @@ from stemwatch.models.mismatch.search.reading_rivals import (
 )
 from stemwatch.models.mismatch.search.term_selection import AS_GOOD
 from stemwatch.models.mismatch.term import Term
+from stemwatch.models.mismatch.terms._common import CALIBRATE_FROM_PERCENT
 from stemwatch.models.mismatch.terms.flow_force import OWN_SLOPE
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.fit import Advantage
@@ -50,6 +51,7 @@ RESTICK, OVERSHOOT = "low_speed_restick", "slip_overshoot"
 STICKS_AGAIN = (RESTICK, OVERSHOOT)
 DRIFT, FLOW = "sensor_drift", "flow_force"
 LEAST_ZERO = 0.4  # percent, all through a drift
+HALF_STROKE = 50.0  # percent of travel from the middle, where the zero is counted, to either end
 
 
 @dataclass(frozen=True)
@@ -129,9 +131,14 @@ def _leans_with_force(fitted: Fitted) -> bool:
 
 def _explained(fitted: Fitted, offs: list[ReadingError]) -> bool:
     """True where a zero error is part of another finding: a span error turns about some point of
-    the stroke, and a drift that began or ended at zero is off in between."""
+    the stroke, so that mid-travel is off by as much as the ends of the stroke are at most; and a
+    drift that began or ended at zero is off in between."""
     if any(reading_error.term.slug == SPAN for reading_error in offs):
-        return True
+        zero, gain = (
+            abs(float(fitted.candidates[:, place].mean()))
+            for place in (base_coordinate.ZERO, base_coordinate.GAIN)
+        )
+        return zero - HALF_STROKE * gain < CALIBRATE_FROM_PERCENT
     if DRIFT not in fitted.layout.places:
         return False
     zero = float(fitted.candidates[:, base_coordinate.ZERO].mean())

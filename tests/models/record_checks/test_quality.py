@@ -175,6 +175,18 @@ def test_bad_samples():
     assert "40 % of the samples are missing or marked bad" == first.reason
 
 
+def test_samples_that_an_archive_repeated_are_not_called_bad():
+    """Nothing is broken where most of them repeat an older value: the archive is to be asked."""
+    recording = recorded()
+    signals = dict(recording.signals)
+    old = np.arange(N) % 10 < 4
+    quality = np.where(old, Quality.HELD, Quality.GOOD).astype(np.uint8)
+    signals[Role.MV] = replace(recording.mv, quality=quality)
+    first = the_obstacle(replace(recording, signals=signals), "bad_samples")
+    assert "40 % of the samples are missing or repeat an older value" in first.reason
+    assert "without compression" in first.remedy
+
+
 def test_holes_everywhere():
     """A hole every half minute leaves no stretch long enough to fit, and is said to do so."""
     mv = np.where(np.arange(N) % 25 < 5, np.nan, MV)

@@ -97,6 +97,12 @@ def test_a_span_error_explains_its_offset_at_mid_travel():
     assert ["span_error"] == slugs_of(result)
 
 
+def test_a_zero_that_a_span_error_does_not_explain_is_found_beside_it():
+    """A span that turns about an end of the stroke moves mid-travel by a percent; five are more."""
+    result = found_in(base=((base_coordinate.GAIN, 0.02), (base_coordinate.ZERO, 5.0)))
+    assert ["span_error", "zero_shift"] == slugs_of(result)
+
+
 @pytest.mark.parametrize(("gain", "named"), [(0.02, []), (0.05, ["span_error"])])
 def test_a_slope_that_a_flow_force_may_have_is_a_part_of_its_shape(gain, named):
     """It is no finding beside the force, and stays in the fit; a larger one is a span error."""
