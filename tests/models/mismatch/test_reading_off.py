@@ -4,14 +4,14 @@ then makes up for nearly all that S and J alone would leave.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import pytest
 
 from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.recording import Recording, Role
+from stemwatch.models.recording import Recording
 from stemwatch.models.studies.simulator import draw_healthy, simulate_loop
+from tests.benchmarks.bench_reading_off import kept
 
 
 @cache
@@ -21,23 +21,12 @@ def healthy(number: int) -> Recording:
     return simulate_loop(loop.lasting(6 * 3600.0), 6161 + number).recording
 
 
-def read_off(recording: Recording, step: int, off: float, span: float) -> Recording:
-    """Every ``step``-th sample, the position read ``off`` percent high, with a ``span``."""
-    signals = {
-        role: replace(signal, values=signal.values[::step], quality=signal.quality[::step])
-        for role, signal in recording.signals.items()
-    }
-    mv = signals[Role.MV]
-    signals[Role.MV] = replace(mv, values=50.0 + off + span * (mv.values - 50.0))
-    return replace(recording, signals=signals, interval_s=step * recording.interval_s)
-
-
 @pytest.mark.parametrize("number", [1, 3])
 @pytest.mark.parametrize("off", [-7.0, 7.0])
 @pytest.mark.parametrize("step", [5, 10])
 def test_a_reading_that_is_far_off_is_named_with_its_size(number, off, step):
     """The zero is named as one that needs work, also beside a span that is a percent off."""
-    found = explain(read_off(healthy(number), step, off, 0.99))
+    found = explain(kept(healthy(number), step, off, 0.99))
     (zero,) = (effect for effect in found.effects if effect.slug == "zero_shift")
     # The transmitter of the draw has a zero of its own.
     assert zero.parameters["zero"].value == pytest.approx(off, abs=0.8)
