@@ -41,6 +41,7 @@ from stemwatch.models.recording import (
     Role,
     Signal,
 )
+from stemwatch.models.words import times
 
 
 class SampleSource(Protocol):
@@ -192,7 +193,7 @@ def find_tag(opened: SampleSource, tag_text: str) -> str:
 
 def _check_samples(opened: SampleSource, op: Column) -> None:
     if not np.isfinite(op.values).any():
-        reason_list = ", ".join(f"{text!r} {n} times" for text, n in list(op.reasons.items())[:4])
+        reason_list = ", ".join(f"{text!r} {times(n)}" for text, n in list(op.reasons.items())[:4])
         raise ConnectorError(
             f"{opened.source_name}: {op.tag}: no sample of the controller output can be used"
             f"{f' ({reason_list})' if reason_list else ''}; check the tag"

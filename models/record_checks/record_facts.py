@@ -10,6 +10,7 @@ from stemwatch.models.signals.forensics import longest_repeat, quantum, repeat_s
 from stemwatch.models.signals.oscillation import Oscillation, loop_oscillation
 from stemwatch.models.words import share
 
+MOST_MINUTES = 180.0  # of a length that is said in minutes
 NAMES = {Role.OP: "OP", Role.MV: "The position", Role.PV: "PV", Role.SP: "The set point"}
 
 
@@ -93,11 +94,16 @@ def _not_controlled(recording: Recording) -> list[str]:
     ]
 
 
+def _long(seconds: float) -> str:
+    minutes = seconds / 60.0
+    return f"{minutes:.0f} minutes" if minutes < MOST_MINUTES else f"{minutes / 60.0:.0f} hours"
+
+
 def facts_without_verdict(recording: Recording) -> tuple[str, ...]:
     """Sentences that hold without a verdict: movement, oscillation, limits, archive."""
     sentences = [
         f"OP moved over a range of {swing(recording.op.values):.3g}{_unit(recording.op)} in "
-        f"{recording.duration_s / 60:.0f} minutes.",
+        f"{_long(recording.duration_s)}.",
         *_cycles(loop_oscillation(recording)),
         *_limits(recording),
         *_not_controlled(recording),

@@ -21,6 +21,7 @@ from stemwatch.connectors.historian.columns import Column
 from stemwatch.connectors.historian.recordings import assemble, need_op
 from stemwatch.connectors.historian.times.timeline import Timeline
 from stemwatch.models.recording import Recording, Role
+from stemwatch.models.words import times
 from stemwatch.service.store.samples.samples import SampleStore, StoredTag
 
 LAYOUT = "samples in the store"
@@ -91,7 +92,7 @@ class StoredSamples:
         stored_span = "there is none" if bounds is None else f"the store has {_span(*bounds)}"
         reason_counts = self._samples.reasons(self.source, op.tag, window.start, window.stop)
         bad = "; ".join(
-            f"{words} ({count} times)" for words, count in list(reason_counts.items())[:3]
+            f"{words} ({times(count)})" for words, count in list(reason_counts.items())[:3]
         )
         return (
             f"{self._where}: {op.tag}: no good sample of the controller output in "

@@ -43,6 +43,13 @@ def test_a_long_period_is_no_power_of_ten():
     assert "e+" not in cycle
 
 
+def test_a_week_is_said_in_hours():
+    """And not in ten thousand minutes."""
+    signals = {Role.OP: Signal.good(WAVE + 0.1 * NOISE, "V.OP", "%")}
+    week = Recording(valve="V", signals=signals, interval_s=7 * 86_400.0 / T.size)
+    assert "in 168 hours." in facts_without_verdict(week)[0]
+
+
 def test_no_oscillation():
     """Noise is said not to oscillate."""
     assert "No regular oscillation was found." in said(50.0 + NOISE)

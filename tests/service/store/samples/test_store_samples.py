@@ -161,7 +161,7 @@ def test_what_is_not_there_is_said(store: Store) -> None:
     store.samples.write(batch("MV", [0], [4.0]))
     store.samples.write(batch("OP", [60], [np.nan], quality=[2], reason="no connection"))
     late = Window(start=START + timedelta(seconds=30))
-    with pytest.raises(ConnectorError, match=r"no good sample .*no connection \(1 times\)"):
+    with pytest.raises(ConnectorError, match=r"no good sample .*no connection \(once\)"):
         source.read(TAGS, late)
     with pytest.raises(MappingNeeded):
         source.read(ValveTags(valve="V", tags={Role.MV: TagMapping(tag="MV")}))
