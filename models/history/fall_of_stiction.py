@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import date
 
 import numpy as np
 
@@ -40,6 +41,24 @@ class Fall:
     after: float
     last: float
     first: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnexplainedFall:
+    """A ``Fall`` that no recorded work explains; ``on`` is the first day with the smaller S."""
+
+    before: float
+    after: float
+    on: date
+
+    @property
+    def sentence(self) -> str:
+        """What it means and asks for."""
+        return (
+            f"S fell from {self.before:.1f} to {self.after:.1f} % of OP span around "
+            f"{self.on:%Y-%m-%d}, and no work is recorded: was this valve repaired? Record it as "
+            "maintenance."
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

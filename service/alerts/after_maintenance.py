@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from datetime import UTC, datetime, time, timedelta
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.history.fall_of_stiction import UnexplainedFall
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.presenter.unexplained_fall import UnexplainedFall
 from stemwatch.service.store.screenings.records import Remark, StoredScreening
 from stemwatch.service.store.store import Store
 

@@ -10,13 +10,13 @@ from types import MappingProxyType
 from zoneinfo import ZoneInfo
 
 from stemwatch.models.history.evidence_over_windows import FRICTION_GONE
+from stemwatch.models.history.fall_of_stiction import UnexplainedFall
 from stemwatch.service.alerts.after_maintenance import WRITER, note_fall, note_result_of_work
 from stemwatch.service.alerts.one_per_cause import faded, one_per_cause, with_earlier_cause
 from stemwatch.service.alerts.rules import RATIO, ValveRecord, apply_rules
 from stemwatch.service.alerts.when_over import WINDOWS_BACK
 from stemwatch.service.config import Plant
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
-from stemwatch.service.presenter.unexplained_fall import UnexplainedFall
 from stemwatch.service.store.alerts.alerts import (
     JOINED,
     AlertKind,

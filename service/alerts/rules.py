@@ -15,17 +15,17 @@ from enum import Enum
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.history.evidence_over_windows import OF_FRICTION, LastingFinding
+from stemwatch.models.history.fall_of_stiction import UnexplainedFall
+from stemwatch.models.history.trend_over_weeks import TrendOverWeeks
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.models.without_position.suspicion import Suspicion
 from stemwatch.service.alerts.when_over import begins, is_over, may_still_stick
 from stemwatch.service.config.service_schema import AlertRules
+from stemwatch.service.plant_path import levels_of
 from stemwatch.service.presenter.advice import after_first_step, first_step, parts_needed
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.finding import baseline_left, stiction_grown
-from stemwatch.service.presenter.plant_path import levels_of
 from stemwatch.service.presenter.suspicion_words import HOW_SURE
-from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
-from stemwatch.service.presenter.unexplained_fall import UnexplainedFall
 from stemwatch.service.presenter.work_decision import DEPARTED, STICTION, WATCH
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert, to_do
 from stemwatch.service.store.screenings.records import JudgedScreening, StoredValve

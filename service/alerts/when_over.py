@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from datetime import UTC, datetime, time, timedelta
 
 from stemwatch.models.history.evidence_over_windows import MEMORY, windows_to_be_gone
+from stemwatch.models.history.fall_of_stiction import UnexplainedFall
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.presenter.unexplained_fall import UnexplainedFall
 from stemwatch.service.store.screenings.records import JudgedScreening
 
 # A trouble that comes back within this time of its last window, without work in between, is the

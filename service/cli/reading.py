@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from stemwatch.connectors.historian import ReadOptions
     from stemwatch.models.recording import Provenance, Role
     from stemwatch.service.config import Plant
-    from stemwatch.service.presenter.plant_path import PartOfPlant
+    from stemwatch.service.plant_path import PartOfPlant
     from stemwatch.service.run.plan import Request
 
 Command = Callable[..., Any]
@@ -244,7 +244,7 @@ def part_of(
     site: Sequence[str] | None, area: Sequence[str] | None, unit: Sequence[str] | None
 ) -> "PartOfPlant":
     """The part of the plant that the options name."""
-    from stemwatch.service.presenter.plant_path import PartOfPlant
+    from stemwatch.service.plant_path import PartOfPlant
 
     return PartOfPlant(sites=tuple(site or ()), areas=tuple(area or ()), units=tuple(unit or ()))
 
@@ -252,7 +252,7 @@ def part_of(
 def valves_in_part(plant: "Plant | None", part: "PartOfPlant") -> tuple[str, ...]:
     """The valves of a part of the plant, none where the whole is meant. A part that the plant file
     does not have, or one without a plant file, is wrong usage."""
-    from stemwatch.service.presenter.plant_path import UnknownPart
+    from stemwatch.service.plant_path import UnknownPart
 
     if not part:
         return ()

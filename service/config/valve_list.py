@@ -11,7 +11,7 @@ from stemwatch.connectors.settings import KeyPath, Problem, either_of, nearest
 from stemwatch.connectors.spreadsheet import ListFault, decoded, records_of, separator_of
 from stemwatch.models.recording import Role
 from stemwatch.service.config.problems import PlantFileError, TableLocation
-from stemwatch.service.presenter.plant_path import LEVELS
+from stemwatch.service.plant_path import LEVELS
 
 _OF_MONEY = ("target_band", "price_per_unit_hour", "price_per_hour_off_target", "price_per_stroke")
 _OF_VALVE = ("id", "description", *LEVELS, "criticality", "source", "stroke", "stroke_curve")

@@ -15,13 +15,13 @@ from stemwatch.service.config import Plant
 from stemwatch.service.config.in_force import limits_in_force
 from stemwatch.service.maintenance.valve_history import LOOK_BACK, ValveHistory
 from stemwatch.service.maintenance.write_maintenance import MaintenanceFiles, write_maintenance
-from stemwatch.service.presenter.false_discoveries import p_in_run, tested
-from stemwatch.service.presenter.plant_path import (
+from stemwatch.service.plant_path import (
     WHOLE_PLANT,
     PartOfPlant,
     UnknownPart,
     levels_of,
 )
+from stemwatch.service.presenter.false_discoveries import p_in_run, tested
 from stemwatch.service.report.report_context import ReportContext, ValveFacts
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples.connector import StoredSamples

@@ -17,9 +17,9 @@ from stemwatch.models.history.evidence_over_windows import (
     pooled_stiction,
     windows_that_count,
 )
+from stemwatch.models.history.trend_over_weeks import TrendOverWeeks, trend_of_size
 from stemwatch.models.mismatch.findings import Mismatch, Stiction
 from stemwatch.service.presenter.physics_words import effect_name, parameter_name
-from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks, trend_of_size
 from stemwatch.service.presenter.wording import interval, span_percent
 
 MOST_SHOWN = 30  # windows of the picture, the newest

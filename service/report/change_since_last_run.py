@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.history.trend_over_weeks import TrendOverWeeks
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.wording import finite
 from stemwatch.service.presenter.work_decision import verdict_before
 

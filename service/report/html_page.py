@@ -19,12 +19,12 @@ from jinja2 import BytecodeCache, Environment, FunctionLoader, StrictUndefined
 from jinja2.bccache import Bucket
 from markupsafe import Markup, escape
 
+from stemwatch.service.plant_path import names_by_level
 from stemwatch.service.presenter import oscillation_words
 from stemwatch.service.presenter import physics_words as mismatch_words
 from stemwatch.service.presenter import wording as words
 from stemwatch.service.presenter.cost_of_sticking import MADE_BY_STICKING
 from stemwatch.service.presenter.finding import present_effect
-from stemwatch.service.presenter.plant_path import names_by_level
 from stemwatch.service.presenter.response_table import response_table
 from stemwatch.service.presenter.suspicion_words import (
     HOW_SURE,

@@ -18,6 +18,7 @@ from stemwatch.models.health_indicators.response_figures import (
     response_figures,
 )
 from stemwatch.models.history.evidence_over_windows import LastingFinding
+from stemwatch.models.history.trend_over_weeks import TrendOverWeeks
 from stemwatch.models.mismatch.findings import (
     Effect,
     Gain,
@@ -33,11 +34,10 @@ from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.models.signals.position_histograms import EDGES, STROKE_EDGES, PositionHistograms
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.without_position.suspicion import WithoutPosition
+from stemwatch.service.plant_path import LEVELS, NO_PATH, PlantPath
 from stemwatch.service.presenter.cost_of_sticking import CostOfSticking, cost_of_sticking
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.finding import PresentedFinding, present, present_effect
-from stemwatch.service.presenter.plant_path import LEVELS, NO_PATH, PlantPath
-from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.urgency import priority_of
 from stemwatch.service.presenter.wording import finite, printable
 from stemwatch.service.report.report_context import software_name

@@ -10,6 +10,7 @@ from datetime import UTC, tzinfo
 from functools import partial
 from typing import overload
 
+from stemwatch.models.history.trend_over_weeks import TrendOverWeeks
 from stemwatch.models.mismatch.findings import ResidualMap
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import WORST_FIRST, Verdict
@@ -23,7 +24,6 @@ from stemwatch.service.presenter.cost_of_sticking import (
 from stemwatch.service.presenter.false_discoveries import Discoveries, discoveries
 from stemwatch.service.presenter.finding import PresentedFinding, present
 from stemwatch.service.presenter.suspicion_words import next_steps
-from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.urgency import Priority, UrgencyKey, priority_of, urgency_of
 from stemwatch.service.presenter.wording import instant, printable
 from stemwatch.service.presenter.work_counts import WorkCounts, count_valves

@@ -8,13 +8,13 @@ from datetime import datetime, tzinfo
 from types import MappingProxyType
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
+from stemwatch.models.history.trend_over_weeks import TrendOverWeeks
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.service import __version__
+from stemwatch.service.plant_path import PlantPath
 from stemwatch.service.presenter.cost_of_sticking import Prices, RankBy
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
-from stemwatch.service.presenter.plant_path import PlantPath
-from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.report.charts.suspicion_pictures import ShownSuspicion
 
 

@@ -7,9 +7,9 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from stemwatch.models.history.trend_over_weeks import TrendOverWeeks
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.wording import finite, span_percent
 from stemwatch.service.presenter.work_decision import Ne107, ne107_word
 

@@ -13,15 +13,15 @@ from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
 from stemwatch.connectors.secret import masked_command
+from stemwatch.models.history.fall_of_stiction import UnexplainedFall
+from stemwatch.models.history.trend_over_weeks import TrendOverWeeks
 from stemwatch.models.limits import Limits
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.interruption import interrupts_held
+from stemwatch.service.plant_path import PartOfPlant
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
-from stemwatch.service.presenter.plant_path import PartOfPlant
-from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
-from stemwatch.service.presenter.unexplained_fall import UnexplainedFall
 from stemwatch.service.presenter.work_counts import WorkCounts
 from stemwatch.service.store.accounts.api_tokens import ApiTokens
 from stemwatch.service.store.accounts.audit import AuditLog

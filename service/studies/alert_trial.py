@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 
 from stemwatch.connectors.connector import ConnectorError
+from stemwatch.models.history.trend_over_weeks import DAYS_A_MONTH
 from stemwatch.models.recording import Floats, Role
 from stemwatch.models.studies.simulator.valve_life import HEALTHY, ValveLife, draw_lives
 from stemwatch.service.config import load_plant
 from stemwatch.service.executors import Executor, map_in_order
-from stemwatch.service.presenter.trend_over_weeks import DAYS_A_MONTH
 from stemwatch.service.run.queue_worker import QueueWorker
 from stemwatch.service.scheduler.scheduler import Scheduler
 from stemwatch.service.store.alerts.alerts import AlertKind, StoredAlert

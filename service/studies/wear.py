@@ -13,10 +13,10 @@ from enum import StrEnum
 import numpy as np
 
 from stemwatch.models.history.fall_of_stiction import history_since_fall
+from stemwatch.models.history.trend_over_weeks import trend_over_weeks
 from stemwatch.models.history.wear_forecast import WEEK, WearForecast, forecast_wear
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Bools, Floats
-from stemwatch.service.presenter.trend_over_weeks import trend_over_weeks
 
 DAYS = 300
 SEEN_DAYS = 84  # before the forecast, as the product looks back

@@ -13,7 +13,7 @@ import pytest
 from stemwatch.connectors.historian import ReadOptions
 from stemwatch.service.cli.reading import request_of
 from stemwatch.service.config import load_plant
-from stemwatch.service.presenter.plant_path import PartOfPlant, PlantPath, UnknownPart
+from stemwatch.service.plant_path import PartOfPlant, PlantPath, UnknownPart
 from stemwatch.service.run.plan import Request, make_plan
 from stemwatch.service.store.runs.schedule import ScreeningSchedule
 from stemwatch.service.store.screenings.ranking import RankingFilter

@@ -10,11 +10,11 @@ from pathlib import Path
 import httpx
 import pytest
 
+from stemwatch.models.history.trend_over_weeks import TrendOverWeeks
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.config.schema import Valve
 from stemwatch.service.presenter.cost_of_sticking import Prices, RankBy
-from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.report.ranking import rank_valves
 from stemwatch.service.report.report_context import ReportContext, ValveFacts
 from stemwatch.service.store.screenings.ranking import RankingFilter

@@ -15,8 +15,8 @@ from typing import Any
 from sqlalchemy import ColumnElement, and_, func, or_, select
 from sqlalchemy.orm import Session
 
+from stemwatch.service.plant_path import WHOLE_PLANT, PartOfPlant
 from stemwatch.service.presenter.alert_history import last_opened_again
-from stemwatch.service.presenter.plant_path import WHOLE_PLANT, PartOfPlant
 from stemwatch.service.store.alerts.tables import AlertRow
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions

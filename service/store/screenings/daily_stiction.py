@@ -11,9 +11,8 @@ from datetime import date, timedelta
 from sqlalchemy import ColumnElement, func, select
 from sqlalchemy.orm import Session
 
-from stemwatch.models.history.fall_of_stiction import history_since_fall
-from stemwatch.service.presenter.trend_over_weeks import WEEKS, TrendOverWeeks, trend_over_weeks
-from stemwatch.service.presenter.unexplained_fall import UnexplainedFall
+from stemwatch.models.history.fall_of_stiction import UnexplainedFall, history_since_fall
+from stemwatch.models.history.trend_over_weeks import WEEKS, TrendOverWeeks, trend_over_weeks
 from stemwatch.service.store.screenings.tables import MaintenanceRow, ScreeningRow
 
 _AT_ONCE = 500

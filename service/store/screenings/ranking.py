@@ -21,7 +21,7 @@ from stemwatch.models.recording import PERCENT
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import WORST_FIRST, NoVerdict, Shape, Verdict
 from stemwatch.models.without_position.suspicion import WithoutPosition
-from stemwatch.service.presenter.plant_path import (
+from stemwatch.service.plant_path import (
     LEVELS,
     PartOfPlant,
     PlantPath,

@@ -20,7 +20,7 @@ from stemwatch.models.signals.position_histograms import PositionHistograms
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.verdict import NoVerdict, Shape, Verdict
 from stemwatch.models.without_position.suspicion import WithoutPosition
-from stemwatch.service.presenter.plant_path import HasPath, PlantPath, levels_of
+from stemwatch.service.plant_path import HasPath, PlantPath, levels_of
 
 UtcWindow = tuple[datetime | None, datetime | None]  # start and end, where known
 

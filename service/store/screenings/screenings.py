@@ -12,8 +12,8 @@ from sqlalchemy.orm import InstrumentedAttribute, Session, aliased, undefer
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.plant_path import LEVELS, levels_of
 from stemwatch.service.presenter.cost_of_sticking import MADE_BY_STICKING
-from stemwatch.service.presenter.plant_path import LEVELS, levels_of
 from stemwatch.service.presenter.work_decision import overall_verdict
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.errors import StoreError

@@ -11,8 +11,8 @@ from pydantic import AwareDatetime
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.service.access.permissions import Operation
+from stemwatch.service.plant_path import PartOfPlant, levels_of
 from stemwatch.service.presenter.cost_of_sticking import CostOfSticking, money_of
-from stemwatch.service.presenter.plant_path import PartOfPlant, levels_of
 from stemwatch.service.presenter.suspicion_words import next_steps
 from stemwatch.service.store.alerts.alerts import StoredAlert, state_of
 from stemwatch.service.store.screenings.ranking import (

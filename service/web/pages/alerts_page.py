@@ -8,7 +8,7 @@ from urllib.parse import urlencode
 from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 
-from stemwatch.service.presenter.plant_path import PartOfPlant
+from stemwatch.service.plant_path import PartOfPlant
 from stemwatch.service.store.alerts.alerts import MOST_ALERTS, STATES, state_of
 from stemwatch.service.web.auth.current_user import SignedIn
 from stemwatch.service.web.auth.forms import SentForm

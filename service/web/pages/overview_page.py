@@ -14,6 +14,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse
 from markupsafe import Markup
 
+from stemwatch.models.history.trend_over_weeks import WEEKS
 from stemwatch.service.presenter.stale_data import DueSchedule, SilentSource, stale_data
 from stemwatch.service.presenter.suspicion_words import (
     SUSPECTED_NOTE,
@@ -21,7 +22,6 @@ from stemwatch.service.presenter.suspicion_words import (
     next_steps,
     suspected_sentence,
 )
-from stemwatch.service.presenter.trend_over_weeks import WEEKS
 from stemwatch.service.presenter.work_counts import WorkCounts
 from stemwatch.service.presenter.work_decision import WorkState
 from stemwatch.service.report.change_since_last_run import change_since_last_run

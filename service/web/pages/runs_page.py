@@ -7,7 +7,7 @@ from urllib.parse import urlencode
 from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 
-from stemwatch.service.presenter.plant_path import PartOfPlant, UnknownPart
+from stemwatch.service.plant_path import PartOfPlant, UnknownPart
 from stemwatch.service.store.screenings.records import RunState, StoredRun
 from stemwatch.service.web.actions import number_in
 from stemwatch.service.web.auth.current_user import SignedIn

@@ -11,6 +11,7 @@ from urllib.parse import urlencode
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 
+from stemwatch.models.history.trend_over_weeks import TrendOverWeeks
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.recording import Role
 from stemwatch.models.screening_result import Screening
@@ -20,7 +21,6 @@ from stemwatch.service.maintenance.work_compared import compare
 from stemwatch.service.presenter.cost_of_sticking import CostOfSticking
 from stemwatch.service.presenter.finding import PresentedFinding, present
 from stemwatch.service.presenter.oscillation_words import loop_sentences
-from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.urgency import Priority, priority_of
 from stemwatch.service.presenter.work_decision import can_be_tested
 from stemwatch.service.report.bars import MODEL_NAMES, bar_top

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.history.evidence_over_windows import WindowEvidence
+from stemwatch.models.history.trend_over_weeks import TrendOverWeeks
 from stemwatch.models.history.wear_forecast import WearForecast
 from stemwatch.models.mismatch.findings import (
     Effect,
@@ -34,7 +35,6 @@ from stemwatch.service.config.service_schema import AlertRules
 from stemwatch.service.presenter.advice import first_step, parts_for, steps_for
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
 from stemwatch.service.presenter.suspicion_words import HOW_SURE
-from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity
 from stemwatch.service.store.screenings.records import JudgedScreening, StoredValve
 from tests.service.report.test_without_position import cannot_tell, no_sign, suspected

@@ -13,7 +13,7 @@ from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Role
 from stemwatch.service.config import Plant, load_plant
-from stemwatch.service.presenter.plant_path import path_of
+from stemwatch.service.plant_path import path_of
 
 WHOLE = """\
 valve_list = "valves.csv"

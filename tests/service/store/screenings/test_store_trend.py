@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.history.trend_over_weeks import trend_over_weeks
 from stemwatch.models.limits import Limits
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.presenter.trend_over_weeks import trend_over_weeks
 from stemwatch.service.report.change_since_last_run import change_since_last_run
 from stemwatch.service.store.store import Store, open_store
 from tests.service.report.conftest import screening
