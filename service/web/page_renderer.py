@@ -19,6 +19,7 @@ from stemwatch.service.web import assets
 from stemwatch.service.web.auth import forms
 from stemwatch.service.web.auth.current_user import current_user_of, may
 from stemwatch.service.web.auth.proxy_user import HOW
+from stemwatch.service.web.path_prefix import root_of
 from stemwatch.service.web.site import Site
 
 PAGES = (
@@ -89,7 +90,7 @@ class PageRenderer:
         by_form = current_user is None or current_user.signed_in_by == HOW
         cookie = forms.cookie_of(request) if by_form else ""
         text = self._env.get_template(template).render(
-            base=request.scope.get("root_path", "").rstrip("/"),
+            base=root_of(request.scope),
             form_token=form_token_of(cookie)
             if by_form or current_user is None
             else current_user.form_token,

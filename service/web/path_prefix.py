@@ -27,7 +27,11 @@ def below_path(app: ASGIApp, path: str) -> ASGIApp:
     return with_root if path else app
 
 
+def root_of(scope: Scope) -> str:
+    """The path below which a request reached the pages, without a slash at its end."""
+    return str(scope.get("root_path", "")).rstrip("/")
+
+
 def own_path(scope: Scope) -> str:
     """The path of a request below that of the pages, as its route declares it."""
-    asked, root = str(scope["path"]), str(scope.get("root_path", "")).rstrip("/")
-    return asked.removeprefix(root) or "/"
+    return str(scope["path"]).removeprefix(root_of(scope)) or "/"

@@ -25,7 +25,7 @@ from stemwatch.service.web.auth.current_user import address_of, state_of
 from stemwatch.service.web.auth.proxy_user import HOW, NotAUser, ProxySignIn
 from stemwatch.service.web.auth.route_permissions import RoutePermissions
 from stemwatch.service.web.auth.session_cookie import cookie_name
-from stemwatch.service.web.path_prefix import own_path
+from stemwatch.service.web.path_prefix import own_path, root_of
 from stemwatch.service.web.site import Site
 
 log = logging.getLogger(__name__)
@@ -148,11 +148,10 @@ class Authentication:
         wants_page = "text/html" in headers.get("accept", "")
         sent_token = self._token_in(headers) is not None
         if by_hand and wants_page and not sent_token:
-            base = request.scope.get("root_path", "").rstrip("/")
             path = own_path(request.scope)
             requested_address = f"{path}?{request.url.query}" if request.url.query else path
             query = "" if requested_address == "/" else f"?{urlencode({'next': requested_address})}"
-            return RedirectResponse(f"{base}/login{query}", 303)
+            return RedirectResponse(f"{root_of(request.scope)}/login{query}", 303)
         text = BAD_TOKEN if sent_token else NOBODY
         answer = self._answer(request, 401, text)
         answer.headers["www-authenticate"] = 'Bearer realm="stemwatch"'

@@ -8,6 +8,7 @@ from starlette.responses import Response
 from starlette.types import Scope
 
 from stemwatch.service.access.known_browser import KNOWN_FOR
+from stemwatch.service.web.path_prefix import root_of
 
 NAME = "stemwatch_session"
 BROWSER_NAME = "stemwatch_browser"
@@ -56,7 +57,7 @@ def set_known_browser(response: Response, value: str, scope: Scope) -> None:
         httponly=True,
         samesite="lax",
         secure=is_secure(scope),
-        path=str(scope.get("root_path", "")).rstrip("/") + "/login",
+        path=f"{root_of(scope)}/login",
     )
 
 

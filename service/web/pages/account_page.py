@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from urllib.parse import urlencode
-
 from fastapi import APIRouter, HTTPException, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 
@@ -26,6 +24,7 @@ from stemwatch.service.web.auth.forms import SentForm
 from stemwatch.service.web.auth.proxy_user import HOW
 from stemwatch.service.web.auth.session_cookie import set_session
 from stemwatch.service.web.dependencies import Dependencies, Deps
+from stemwatch.service.web.pages.redirects import to_page
 
 LIFETIMES_DAYS = (7, 30, 90, 365)
 FOR_EVER = 0
@@ -112,12 +111,6 @@ def revoke_token(
     note_about(request, f"revoke {token.name}")
     deps.store.api_tokens.revoke(token.id, deps.now)
     return to_page(request, "/account", "revoked")
-
-
-def to_page(request: Request, place: str, done: str) -> RedirectResponse:
-    """Redirect to a page that says what was done."""
-    base = str(request.scope.get("root_path", "")).rstrip("/")
-    return RedirectResponse(f"{base}{place}?{urlencode({'done': done})}", 303)
 
 
 def _page(

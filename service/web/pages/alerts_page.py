@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from datetime import timedelta
-from urllib.parse import urlencode
 
 from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
@@ -13,7 +12,7 @@ from stemwatch.service.store.alerts.alerts import MOST_ALERTS, STATES, state_of
 from stemwatch.service.web.auth.current_user import SignedIn
 from stemwatch.service.web.auth.forms import SentForm
 from stemwatch.service.web.dependencies import Deps
-from stemwatch.service.web.page_renderer import valve_link
+from stemwatch.service.web.pages.redirects import to_page
 
 LONGEST_SNOOZE_H = 24 * 366
 
@@ -64,14 +63,6 @@ def settle(
     action_done = {"snooze": "snoozed", "acknowledge": "acknowledged", "false": "false"}[action]
     if len(numbers) > 1:
         action_done = f"all-{action_done}"
-    base, valve = request.scope.get("root_path", "").rstrip("/"), form.text("back")
-    address = (
-        f"{valve_link(valve)}&done={action_done}#alerts"
-        if valve
-        else f"/alerts?{_query(action_done)}"
-    )
-    return RedirectResponse(f"{base}{address}", 303)
-
-
-def _query(action_done: str) -> str:
-    return urlencode({"done": action_done})
+    if valve := form.text("back"):
+        return to_page(request, "/valve", action_done, anchor="alerts", id=valve)
+    return to_page(request, "/alerts", action_done)

@@ -22,6 +22,7 @@ from stemwatch.service.web.auth.session_cookie import (
     set_session,
 )
 from stemwatch.service.web.dependencies import Dependencies, Deps
+from stemwatch.service.web.path_prefix import root_of
 
 router = APIRouter(include_in_schema=False)
 
@@ -64,7 +65,7 @@ def log_out(
 ) -> RedirectResponse:
     """End the session of this browser."""
     deps.store.web_sessions.end(current_user.session)
-    answer = RedirectResponse(f"{_base(request)}/login", 303)
+    answer = RedirectResponse(f"{root_of(request.scope)}/login", 303)
     drop_session(answer, request.scope)
     return answer
 
@@ -124,7 +125,7 @@ def _enter(
     request: Request, deps: Dependencies, user: User, cookie: str, next_page: str
 ) -> RedirectResponse:
     """Redirect with the new session's cookie; an earlier session of this browser is ended."""
-    answer = RedirectResponse(f"{_base(request)}{next_page}", 303)
+    answer = RedirectResponse(f"{root_of(request.scope)}{next_page}", 303)
     if old := request.cookies.get(cookie_name(request.scope), ""):
         end_session(deps.store, old)
     set_session(answer, cookie, request.scope)
@@ -182,7 +183,3 @@ def _welcome_page(
 
 def _invalid_link_page(request: Request, deps: Dependencies, error: InvalidLink) -> HTMLResponse:
     return deps.renderer.page(request, "error_page.html", status=410, text=str(error), code=410)
-
-
-def _base(request: Request) -> str:
-    return str(request.scope.get("root_path", "")).rstrip("/")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from urllib.parse import urlencode
-
 from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 
@@ -13,6 +11,7 @@ from stemwatch.service.web.actions import number_in
 from stemwatch.service.web.auth.current_user import SignedIn
 from stemwatch.service.web.auth.forms import SentForm
 from stemwatch.service.web.dependencies import Dependencies, Deps
+from stemwatch.service.web.pages.redirects import to_page
 from stemwatch.service.web.pages.run_report import TYPES, report_folder
 
 MOST_RUNS = 100
@@ -84,7 +83,7 @@ def begin(request: Request, deps: Deps, current_user: SignedIn, form: SentForm) 
             raise HTTPException(422, f"no valve is in area {area!r} and unit {unit!r}")
         valves += in_part
     deps.actions.run_now(valves, current_user.signature())
-    return _to_runs_page(request, "run")
+    return to_page(request, "/runs", "run")
 
 
 @router.post("/runs/cancel")
@@ -93,9 +92,4 @@ def cancel(
 ) -> RedirectResponse:
     """Ask that a run ends early."""
     deps.actions.cancel(form.number("run", "the number of a run"), current_user.signature())
-    return _to_runs_page(request, "cancel")
-
-
-def _to_runs_page(request: Request, done: str) -> RedirectResponse:
-    base = request.scope.get("root_path", "").rstrip("/")
-    return RedirectResponse(f"{base}/runs?{urlencode({'done': done})}", 303)
+    return to_page(request, "/runs", "cancel")

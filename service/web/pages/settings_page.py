@@ -34,7 +34,7 @@ from stemwatch.service.store.runs.schedules import FROM_BROWSER
 from stemwatch.service.web.auth.current_user import SignedIn, note_about
 from stemwatch.service.web.auth.forms import Form, SentForm
 from stemwatch.service.web.dependencies import Dependencies, Deps
-from stemwatch.service.web.pages.account_page import to_page
+from stemwatch.service.web.pages.redirects import to_page
 
 # Keys of a schedule that are typed in another unit than seconds: the key, the field, its seconds.
 TIMES = (

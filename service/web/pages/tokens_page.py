@@ -10,7 +10,7 @@ from stemwatch.service.web.actions import LARGEST_NUMBER
 from stemwatch.service.web.auth.current_user import note_about
 from stemwatch.service.web.auth.forms import SentForm
 from stemwatch.service.web.dependencies import Deps
-from stemwatch.service.web.pages.account_page import to_page
+from stemwatch.service.web.pages.redirects import to_page
 
 router = APIRouter(include_in_schema=False)
 

@@ -14,7 +14,7 @@ from stemwatch.service.web.actions import LARGEST_NUMBER, Refused
 from stemwatch.service.web.auth.current_user import SignedIn, note_about
 from stemwatch.service.web.auth.forms import Form, SentForm
 from stemwatch.service.web.dependencies import Dependencies, Deps
-from stemwatch.service.web.pages.account_page import to_page
+from stemwatch.service.web.pages.redirects import to_page
 
 router = APIRouter(include_in_schema=False)
 

@@ -40,7 +40,9 @@ from stemwatch.service.web.api.signals import LONGEST, tags_of
 from stemwatch.service.web.auth.current_user import SignedIn
 from stemwatch.service.web.auth.forms import SentForm
 from stemwatch.service.web.dependencies import Dependencies, Deps
+from stemwatch.service.web.pages.redirects import to_page
 from stemwatch.service.web.pages.run_report import MAINTENANCE, report_folder
+from stemwatch.service.web.path_prefix import root_of
 
 OPENING = timedelta(hours=2)
 MOST_IN_TABLE = 40
@@ -129,7 +131,7 @@ def note(request: Request, deps: Deps, current_user: SignedIn, form: SentForm) -
     remark_time = form.instant("at", deps.site.tz, deps.now)
     text = form.text("text", needed="what was seen")
     deps.actions.note(name, remark_time, text, current_user.signature())
-    return _to_valve_page(request, name, "note", "log")
+    return _to_log(request, name, "note")
 
 
 @router.post("/valve/maintenance")
@@ -141,7 +143,7 @@ def maintenance(
     remark_time = form.instant("at", deps.site.tz, deps.now)
     text = form.text("text", needed="what was done")
     deps.actions.maintenance(name, remark_time, text, current_user.signature(), deps.now)
-    return _to_valve_page(request, name, "maintenance", "log")
+    return _to_log(request, name, "maintenance")
 
 
 @router.post("/valve/feedback")
@@ -156,7 +158,7 @@ def feedback(
     deps.actions.feedback(
         number, remark_time, judgement, form.text("text"), current_user.signature()
     )
-    return _to_valve_page(request, name, "feedback", "log")
+    return _to_log(request, name, "feedback")
 
 
 @router.post("/valve/baseline")
@@ -166,13 +168,12 @@ def baseline(
     """Make the network fitted last the valve's baseline."""
     name = deps.need_valve(form.text("valve", needed="a valve"))
     deps.actions.baseline(name, form.text("text"), current_user.signature())
-    return _to_valve_page(request, name, "baseline", "log")
+    return _to_log(request, name, "baseline")
 
 
-def _to_valve_page(request: Request, valve: str, done: str, place: str) -> RedirectResponse:
-    base = request.scope.get("root_path", "").rstrip("/")
-    address = f"{base}/valve?{urlencode({'id': valve, 'done': done})}#{place}"
-    return RedirectResponse(address, 303)
+def _to_log(request: Request, valve: str, done: str) -> RedirectResponse:
+    """To the notes on the page of a valve."""
+    return to_page(request, "/valve", done, anchor="log", id=valve)
 
 
 def _from_plant(deps: Dependencies, name: str) -> StoredValve:
@@ -248,8 +249,8 @@ def _plan_link(request: Request, shown_screening: ShownScreening | None) -> str:
     helps."""
     if shown_screening is None or not can_be_tested(shown_screening.screening):
         return ""
-    base = request.scope.get("root_path", "").rstrip("/")
-    return f"{base}/valve/test-plan?{urlencode({'id': shown_screening.screening.valve})}"
+    valve = urlencode({"id": shown_screening.screening.valve})
+    return f"{root_of(request.scope)}/valve/test-plan?{valve}"
 
 
 def _sheet(deps: Dependencies, shown_screening: ShownScreening) -> str | None:
