@@ -145,12 +145,3 @@ def on_whole_clock(trace: Floats, first: int, samples: int) -> Floats:
     whole_record = np.full(samples, np.nan)
     whole_record[first : first + trace.size] = trace
     return whole_record
-
-
-__all__ = [
-    "FitWindow",
-    "choose_fit_window",
-    "on_whole_clock",
-    "window_sentence",
-    "windows_with_most_movement",
-]

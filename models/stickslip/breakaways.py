@@ -95,7 +95,7 @@ FEW_STEPS, OF_A_STEP = 3.0, 12.0**-0.5
 # that is read. Of 11 such recordings (as they are, in steps, every 5 s; `draw_valves`, seeds 5151
 # and 7171) J by the slips is 0.23 % too large in the mean and by the fit 0.10 % too small; above
 # it 0.02 too large and 0.22 too small.
-CLEARLY_SEEN, BETWEEN_BOTH = 1.5, 0.5  # ; share of the draws
+CLEARLY_SEEN, BETWEEN_BOTH = 1.5, 0.5  # times what must be exceeded; share of the draws
 # For slips of any size: a resting place is rounded alike each time the stem comes there, at the end
 # of a slip one way and at the start of the next the other way. That moves the two levels apart and
 # leaves S as it is: standard deviation of J, as a share of the step, of a stem with one place at

@@ -249,7 +249,7 @@ def _centred(values: Floats, usable: Bools) -> Floats:
 
 
 def _usable_throughout(usable: Bools, span: int) -> Bools:
-    """(n,) whether the last ``over + 1`` samples are all usable."""
+    """(n,) whether the last ``span + 1`` samples are all usable."""
     good = np.concatenate(([0], np.cumsum(usable)))
     usable_throughout = np.zeros(usable.size, dtype=bool)
     usable_throughout[span:] = good[span + 1 :] - good[: -span - 1] == span + 1

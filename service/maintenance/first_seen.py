@@ -10,8 +10,18 @@ from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.valve_history import LOOK_BACK
-from stemwatch.service.presenter import work_decision as k
 from stemwatch.service.presenter.wording import instant
+from stemwatch.service.presenter.work_decision import (
+    DEPARTED,
+    HEALTHY,
+    RECORDING,
+    SIGNAL,
+    STICTION,
+    UNEXPLAINED,
+    UNKNOWN,
+    WATCH,
+    verdict_before,
+)
 from stemwatch.service.store.screenings.records import Remark
 
 
@@ -44,33 +54,33 @@ def first_seen(kind: str, earlier: Sequence[PreviousFinding]) -> FirstSeen:
 
 def shows(kind: str, past: PreviousFinding) -> bool:
     """Whether an earlier screening shows the same kind of finding."""
-    if kind in k.STICTION.values():
+    if kind in STICTION.values():
         return past.verdict is Verdict.STICKY
-    if kind in (k.WATCH, k.DEPARTED):
+    if kind in (WATCH, DEPARTED):
         return past.verdict in (Verdict.WATCH, Verdict.STICKY)
-    if kind == k.HEALTHY:
+    if kind == HEALTHY:
         return past.verdict is Verdict.HEALTHY
-    if kind == k.UNKNOWN:
+    if kind == UNKNOWN:
         return past.finding == Finding.UNKNOWN.value
     if _of_signal(kind):
         return past.verdict is Verdict.UNDETERMINED
     return kind in past.effects
 
 
-def sentence(first_seen: FirstSeen, zone: tzinfo) -> str:
+def seen_sentence(seen: FirstSeen, zone: tzinfo) -> str:
     """Since when and how often it was found, as a sentence; dates in ``zone``."""
-    if first_seen.first is None:
-        if first_seen.before is None:
+    if seen.first is None:
+        if seen.before is None:
             return "First screening that is known of this valve: nothing to compare with."
-        return f"New in this screening; the one before, {_past_sentence(first_seen.before, zone)}."
-    begins = "at least since" if first_seen.at_least else "since"
+        return f"New in this screening; the one before, {_past_sentence(seen.before, zone)}."
+    begins = "at least since" if seen.at_least else "since"
     text = (
-        f"Seen {begins} {instant(first_seen.first.at, zone)} (run {first_seen.first.run}), "
-        f"in {first_seen.count} screenings in a row"
+        f"Seen {begins} {instant(seen.first.at, zone)} (run {seen.first.run}), "
+        f"in {seen.count} screenings in a row"
     )
-    if first_seen.before is None:
-        return f"{text}; nothing earlier is stored." if not first_seen.at_least else f"{text}."
-    return f"{text}; the one before, {_past_sentence(first_seen.before, zone)}."
+    if seen.before is None:
+        return f"{text}; nothing earlier is stored." if not seen.at_least else f"{text}."
+    return f"{text}; the one before, {_past_sentence(seen.before, zone)}."
 
 
 def work_sentence(
@@ -97,11 +107,11 @@ def work_sentence(
 
 
 def _past_sentence(past: PreviousFinding, zone: tzinfo) -> str:
-    return f"of {instant(past.at, zone)}, said {k.verdict_before(past).value} and did not show it"
+    return f"of {instant(past.at, zone)}, said {verdict_before(past).value} and did not show it"
 
 
 def _of_signal(kind: str) -> bool:
-    return kind in k.SIGNAL or kind in (k.UNEXPLAINED, k.RECORDING)
+    return kind in SIGNAL or kind in (UNEXPLAINED, RECORDING)
 
 
 def _is_judged(past: PreviousFinding) -> bool:

@@ -14,10 +14,14 @@ from stemwatch.models.field_advice import CheckStep, FieldAdvice, IsolationLevel
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.config.schema import Stroke, parse_stroke
-from stemwatch.service.maintenance import first_seen as s
 from stemwatch.service.maintenance.drawing import Drawing
 from stemwatch.service.maintenance.evidence_picture import picture_of
-from stemwatch.service.maintenance.first_seen import FirstSeen
+from stemwatch.service.maintenance.first_seen import (
+    FirstSeen,
+    first_seen,
+    seen_sentence,
+    work_sentence,
+)
 from stemwatch.service.maintenance.valve_history import ValveHistory
 from stemwatch.service.presenter import advice
 from stemwatch.service.presenter.false_discoveries import LEVEL_PERCENT
@@ -80,7 +84,7 @@ class WorkSheet:
     steps: tuple[CheckStep, ...]
     parts: tuple[str, ...]
     isolation: tuple[tuple[IsolationLevel, str], ...]
-    since: s.FirstSeen
+    since: FirstSeen
     since_said: tuple[str, ...]
     past: tuple[PreviousFinding, ...]
     sure: tuple[str, ...]
@@ -122,7 +126,7 @@ def work_sheet_of(valve: RankedValve, background: ValveHistory, zone: tzinfo) ->
     screening, finding = valve.screening, valve.finding
     kinds = finding.decision.kinds
     earlier = background.earlier(screening)
-    since = s.first_seen(kinds[0], earlier)
+    since = first_seen(kinds[0], earlier)
     steps = _with_field_test(advice.steps_for(kinds), field_test(screening))
     told = screening.without_position
     if told is not None and kinds[0] == NO_POSITION and worth_a_test(screening):
@@ -210,14 +214,14 @@ def _size(
 
 
 def _since(
-    first_seen: s.FirstSeen, valve: RankedValve, background: ValveHistory, zone: tzinfo
+    seen: FirstSeen, valve: RankedValve, background: ValveHistory, zone: tzinfo
 ) -> tuple[str, ...]:
     screening, by_window = valve.screening, valve.facts.by_window
-    seen_since = first_seen.first.at if first_seen.first is not None else screening.window[1]
+    seen_since = seen.first.at if seen.first is not None else screening.window[1]
     work = background.work(screening.valve)
     sentences: tuple[str, ...] = (
-        s.sentence(first_seen, zone),
-        s.work_sentence(work, seen_since, screening.window[0], zone),
+        seen_sentence(seen, zone),
+        work_sentence(work, seen_since, screening.window[0], zone),
         _trend(valve),
     )
     if by_window is not None:
@@ -240,10 +244,10 @@ def brief_of(valve: RankedValve) -> str:
     return f"{valve.finding.meaning}{size_clause}; trend: {valve.trend.words}"
 
 
-def how_sure(valve: RankedValve, first_seen: FirstSeen) -> tuple[str, ...]:
+def how_sure(valve: RankedValve, seen: FirstSeen) -> tuple[str, ...]:
     """One sentence for each source of doubt, the nearest first."""
     screening = valve.screening
-    sentences = [_confidence(valve.decision), _seen_often(first_seen), _wrong_of_sticky(screening)]
+    sentences = [_confidence(valve.decision), _seen_often(seen), _wrong_of_sticky(screening)]
     if valve.stands is not None:
         sentences.append(valve.finding.held_back or STANDS)
         sentences.append(_rate("simulated valves with nothing hidden, yet named", *FALSE_EFFECT))
@@ -258,10 +262,10 @@ def _confidence(decision: WorkDecision) -> str:
     return f"Confidence in the verdict {decision.verdict.value}: {share(decision.confidence)}."
 
 
-def _seen_often(first_seen: FirstSeen) -> str:
-    if first_seen.count == 1:
+def _seen_often(seen: FirstSeen) -> str:
+    if seen.count == 1:
         return "One screening shows it; a second one would make it firmer."
-    return f"{first_seen.count} screenings in a row show it."
+    return f"{seen.count} screenings in a row show it."
 
 
 def _wrong_of_sticky(screening: Screening) -> str:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 import os
-import re
 import threading
 from collections.abc import Callable, Mapping, Sequence, Set
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -27,6 +24,7 @@ from stemwatch.connectors.historian import (
     propose_valves,
     valves_among,
 )
+from stemwatch.connectors.historian.header_names import header_names
 from stemwatch.connectors.historian.options import given_options
 from stemwatch.connectors.parquet import ParquetAddress, split_archives
 from stemwatch.models.recording import Role
@@ -55,14 +53,6 @@ ONE_TAG = (
 
 TagsOrReason = frozenset[str] | str  # the tags in a file, or why it cannot be read
 ReadTags = Callable[[Sequence[TextFile]], Sequence[TagsOrReason]]
-# The top of a text file, in which its header is looked for.
-HEADER_BYTES = 1_000_000
-HEADER_LINES = 12
-SEPARATORS = ",;\t|"
-_SEPARATORS = re.compile(f"[{SEPARATORS}]")
-_UNIT = re.compile(r"\s*[\[(][^\[\]()]*[\])]$")
-# A header of a wide export names several tags; a row of a narrow one names a single tag.
-FEWEST_TAGS = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,7 +221,7 @@ def _tags_in(
         return [frozenset() for _ in files]
     tags: dict[str, TagsOrReason] = {}
     for path in files:
-        if names := header_tags(path, tags_wanted):
+        if names := header_names(path, tags_wanted):
             tags[path] = frozenset(names)
     unknown = [path for path in files if path not in tags]
     parsed = read_tags([TextFile(path=path, options=options) for path in unknown])
@@ -343,39 +333,3 @@ def _not_readable(path: str, valve: str, reason: str) -> Task:
     """A task whose result is the reason why no valve of ``path`` can be screened."""
     tags = ValveTags(valve=valve, tags={Role.OP: TagMapping(tag="")})
     return Task(path=path, tags=tags, reason=reason)
-
-
-def header_tags(path: str, tags_wanted: Set[str]) -> set[str] | None:
-    """The names in the header of the text file ``path``; ``None`` where no line near its top names
-    two of the ``tags_wanted`` tags, so that the whole file has to be parsed.
-
-    Each name is given as written and without a trailing unit in brackets. A line that is not UTF-8
-    proves nothing: another encoding may hold names that would be missed.
-    """
-    if path.endswith(".gz"):
-        return None
-    try:
-        with Path(path).open("rb") as file:
-            head = file.read(HEADER_BYTES)
-    except OSError:
-        return None  # reading the file reports the error
-    for line in head.decode("utf-8-sig", "replace").splitlines()[:HEADER_LINES]:
-        if "\ufffd" in line:
-            return None
-        cells = {cell.strip().strip("\"'").strip() for cell in _cells(line)}
-        names = cells | {_UNIT.sub("", cell) for cell in cells}
-        if len(names & tags_wanted) >= FEWEST_TAGS:
-            return names
-    return None
-
-
-def _cells(line: str) -> list[str]:
-    """The cells of a header by each separator that an export may have. Within quotes a separator
-    belongs to the name, and a doubled quote is one."""
-    if '"' not in line:
-        return _SEPARATORS.split(line)
-    cells: list[str] = []
-    for separator in SEPARATORS:
-        with suppress(csv.Error):  # by a separator that it does not have, a long line is one cell
-            cells += next(csv.reader([line], delimiter=separator), [])
-    return cells

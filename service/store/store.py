@@ -54,6 +54,7 @@ from stemwatch.service.store.screenings import (
     feedback,
     history,
     oscillations,
+    part_of_plant,
     pictures,
     ranking,
     recent,
@@ -339,12 +340,12 @@ class Store:
     def levels(self) -> dict[str, tuple[str, ...]]:
         """The sites, areas and units that valves are in, by name."""
         with self.transactions.reading() as session:
-            return ranking.read_levels(session)
+            return part_of_plant.read_levels(session)
 
     def valves_in(self, part: PartOfPlant) -> list[str]:
         """The valves of a part of the plant, by id."""
         with self.transactions.reading() as session:
-            return ranking.read_valves_in(session, part)
+            return part_of_plant.read_valves_in(session, part)
 
     def ranking(
         self,

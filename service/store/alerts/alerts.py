@@ -21,7 +21,8 @@ from stemwatch.service.store.alerts.tables import AlertRow
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions
 from stemwatch.service.store.errors import NotThere
-from stemwatch.service.store.screenings.ranking import in_part, read_places
+from stemwatch.service.store.screenings.part_of_plant import in_part
+from stemwatch.service.store.screenings.ranking import read_places
 from stemwatch.service.store.screenings.screenings import ensure_valve
 from stemwatch.service.store.screenings.tables import ValveRow
 from stemwatch.service.store.storable import from_row

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 
-from sqlalchemy import delete, select, update
+from sqlalchemy import delete, func, select, update
 from sqlalchemy.orm import Session
 
 from stemwatch.service.store.screenings.records import Baseline, Remark, UtcWindow
@@ -67,6 +68,13 @@ def read_remarks(session: Session, table: type[RemarkRow], valve: str) -> list[R
     """A valve's remarks of one table, oldest first."""
     rows = session.scalars(select(table).where(table.valve == valve).order_by(table.at, table.id))
     return [_remark(row) for row in rows]
+
+
+def last_work(session: Session, valves: Sequence[str]) -> dict[str, datetime]:
+    """The last work on each of ``valves`` that was worked on."""
+    work = select(MaintenanceRow.valve, func.max(MaintenanceRow.at))
+    work = work.where(MaintenanceRow.valve.in_(valves)).group_by(MaintenanceRow.valve)
+    return {valve: work_time for valve, work_time in session.execute(work)}
 
 
 def _baseline(session: Session, row: NetworkRow) -> Baseline:

@@ -13,7 +13,8 @@ from sqlalchemy.orm import Session
 
 from stemwatch.models.history.fall_of_stiction import UnexplainedFall, history_since_fall
 from stemwatch.models.history.trend_over_weeks import WEEKS, TrendOverWeeks, trend_over_weeks
-from stemwatch.service.store.screenings.tables import MaintenanceRow, ScreeningRow
+from stemwatch.service.store.screenings.baselines import last_work
+from stemwatch.service.store.screenings.tables import ScreeningRow
 
 _AT_ONCE = 500
 
@@ -71,9 +72,7 @@ def _daily(
     if not latest:
         return {}
     reach = timedelta(weeks=WEEKS)
-    worked = select(MaintenanceRow.valve, func.max(MaintenanceRow.at))
-    worked = worked.where(MaintenanceRow.valve.in_(valves)).group_by(MaintenanceRow.valve)
-    work = {valve: work_time for valve, work_time in session.execute(worked)}
+    work = last_work(session, valves)
     begins = {
         valve: max(window_end - reach, work.get(valve, window_end - reach))
         for valve, window_end in latest.items()

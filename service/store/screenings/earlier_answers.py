@@ -8,7 +8,8 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from stemwatch.models.without_position.several_recordings import LAST_THAT_COUNT
-from stemwatch.service.store.screenings.evidence import WEEKS, last_work
+from stemwatch.service.store.screenings.baselines import last_work
+from stemwatch.service.store.screenings.evidence import WEEKS
 from stemwatch.service.store.screenings.records import EarlierAnswer
 from stemwatch.service.store.screenings.rows import without_position_of
 from stemwatch.service.store.screenings.tables import ScreeningRow

@@ -11,8 +11,9 @@ from sqlalchemy.orm import Session
 
 from stemwatch.models.history.evidence_over_windows import WindowEvidence
 from stemwatch.models.mismatch.findings import Finding
+from stemwatch.service.store.screenings.baselines import last_work
 from stemwatch.service.store.screenings.evidence_json import evidence_of
-from stemwatch.service.store.screenings.tables import MaintenanceRow, ScreeningRow
+from stemwatch.service.store.screenings.tables import ScreeningRow
 
 WEEKS = 8  # of history before the valve's latest screening
 _NAMED = (Finding.NAMED.value, Finding.CANDIDATES.value)
@@ -77,10 +78,3 @@ def _begins(session: Session, valves: Sequence[str]) -> dict[str, datetime]:
     )
     rows = session.execute(latest.group_by(ScreeningRow.valve))
     return {valve: window_end - timedelta(weeks=WEEKS) for valve, window_end in rows}
-
-
-def last_work(session: Session, valves: Sequence[str]) -> dict[str, datetime]:
-    """The last work on each of ``valves`` that was worked on."""
-    work = select(MaintenanceRow.valve, func.max(MaintenanceRow.at))
-    work = work.where(MaintenanceRow.valve.in_(valves)).group_by(MaintenanceRow.valve)
-    return {valve: work_time for valve, work_time in session.execute(work)}

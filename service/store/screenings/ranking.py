@@ -27,7 +27,6 @@ from stemwatch.service.plant_path import (
     PlantPath,
     UnknownPart,
     levels_of,
-    names_by_level,
 )
 from stemwatch.service.presenter.suspicion_words import score_of_suspicion
 from stemwatch.service.presenter.urgency import Priority, UrgencyKey, priority_of, urgency_key
@@ -45,6 +44,7 @@ from stemwatch.service.presenter.work_decision import (
     severity_of,
 )
 from stemwatch.service.store.screenings.named_effects import standing_columns, standing_defects
+from stemwatch.service.store.screenings.part_of_plant import in_part, read_levels
 from stemwatch.service.store.screenings.previous import read_previous_of
 from stemwatch.service.store.screenings.rows import no_verdict_of, without_position_of
 from stemwatch.service.store.screenings.screenings import latest_screening_id
@@ -424,28 +424,9 @@ def _lines(
     )
 
 
-def in_part(part: PartOfPlant) -> list[ColumnElement[bool]]:
-    """The conditions for a row of valves to be in ``part``."""
-    return [getattr(ValveRow, level).in_(names) for level, names in part.asked.items()]
-
-
-def read_levels(session: Session) -> dict[str, tuple[str, ...]]:
-    """The sites, areas and units that valves are in, by name."""
-    columns = (getattr(ValveRow, level) for level in LEVELS)
-    rows = session.execute(select(*columns).distinct())
-    return names_by_level(PlantPath(**dict(zip(LEVELS, row, strict=True))) for row in rows)
-
-
-def read_valves_in(session: Session, part: PartOfPlant) -> list[str]:
-    """The valves of a part of the plant, by id."""
-    query = select(ValveRow.id).where(*in_part(part)).order_by(ValveRow.id)
-    return list(session.scalars(query))
-
-
 def _line(
     row: Any, rank: int, decision: WorkDecision | None, previous: PreviousFinding | None
 ) -> RankingLine:
-    stem = None if row.verdict is None else Verdict(row.verdict)
     defects = standing_defects(row)
     return RankingLine(
         place=rank,
@@ -453,8 +434,8 @@ def _line(
         description=row.description,
         **levels_of(row),
         criticality=row.criticality,
-        verdict=None if stem is None else overall_verdict(stem, named=bool(defects)),
-        stem_verdict=stem,
+        verdict=None if decision is None else decision.verdict,
+        stem_verdict=None if row.verdict is None else Verdict(row.verdict),
         at=row.at,
         severity=0.0 if decision is None else decision.severity,
         priority=None if decision is None else priority_of(decision, str(row.criticality)),

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import NoVerdict, Verdict
-from stemwatch.service.maintenance.first_seen import first_seen, sentence, work_sentence
+from stemwatch.service.maintenance.first_seen import first_seen, seen_sentence, work_sentence
 from stemwatch.service.maintenance.valve_history import LOOK_BACK
 from stemwatch.service.maintenance.work_sheet import (
     FALSE_EFFECT,
@@ -164,18 +164,20 @@ def test_a_dead_transmitter_goes_back_over_screenings_without_a_verdict():
 
 def test_the_sentence_says_when_how_often_and_what_was_before():
     """In the plant's own time."""
-    text = sentence(first_seen("stiction_undershoot", past(S, S, H)), ZoneInfo("Europe/Berlin"))
+    text = seen_sentence(
+        first_seen("stiction_undershoot", past(S, S, H)), ZoneInfo("Europe/Berlin")
+    )
     assert text == (
         "Seen since 2026-02-15 07:00 (run 48), in 3 screenings in a row; the one before, of "
         "2026-02-08 07:00, said healthy and did not show it."
     )
-    assert sentence(first_seen("watch", []), UTC).startswith("First screening")
-    assert sentence(first_seen("watch", past(H)), UTC).startswith("New in this screening")
+    assert seen_sentence(first_seen("watch", []), UTC).startswith("First screening")
+    assert seen_sentence(first_seen("watch", past(H)), UTC).startswith("New in this screening")
 
 
 def test_a_record_that_was_not_read_to_its_end_says_at_least():
     """Nobody is told a date that is only where reading stopped."""
-    assert "at least since" in sentence(first_seen("watch", past(*[S] * LOOK_BACK)), UTC)
+    assert "at least since" in seen_sentence(first_seen("watch", past(*[S] * LOOK_BACK)), UTC)
 
 
 def test_work_is_set_against_the_finding():

@@ -10,7 +10,7 @@ import pytest
 from stemwatch.models.record_checks.data_quality import DataQuality
 from stemwatch.models.screening_result import Indicator, Residual
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.presenter.finding import beside_friction, without_them
+from stemwatch.service.presenter.beside_friction import beside_friction, without_them
 from stemwatch.service.presenter.wording import not_yet_said
 from stemwatch.service.report.bars import fit_bars, spread_percent
 from stemwatch.service.report.html_page import html_bytes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -72,7 +73,9 @@ def test_attempts_are_locked_in_one_order(new_database: Callable[[str], str]) ->
             ending = pool.submit(store.attempts.succeeded, "name x", ["address 192.0.2.1"])
             with store.transactions.readers.connect() as looking:
                 waiting = "SELECT count(*) FROM pg_locks WHERE NOT granted"
+                until = time.monotonic() + 30.0
                 while not looking.execute(text(waiting)).scalar():
+                    assert time.monotonic() < until, "the login that ends waits for nothing"
                     looking.rollback()
             try:
                 begun.execute(text("SELECT * FROM login_attempts FOR UPDATE NOWAIT"))
