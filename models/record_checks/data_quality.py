@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from stemwatch.models.verdict import NoVerdict
+
 
 @dataclass(frozen=True, kw_only=True)
 class DataQuality:
@@ -17,6 +19,6 @@ class DataQuality:
 class Obstacle:
     """Why there can be no verdict, and what would make one possible; a sentence each."""
 
-    slug: str  # a value of ``NoVerdict``
+    slug: NoVerdict
     reason: str
     remedy: str

@@ -29,6 +29,7 @@ from stemwatch.models.stickslip.best_pairing import Pairing
 from stemwatch.models.stickslip.find_stroke_curve import AGAINST
 from stemwatch.models.stickslip.problem import LONGEST_BRIDGE_SAMPLES, WARM_UP_S, scored_samples
 from stemwatch.models.stickslip.stored_range import may_be_stored_in
+from stemwatch.models.verdict import NoVerdict
 from stemwatch.models.words import only_times, share
 
 # Where the plant file does not set how long a recording must last.
@@ -45,7 +46,7 @@ MOVED_WITHOUT_OP = 0.15
 # seeds 5151 to 9393).
 TURNED_AT_THE_END = 0.05
 # Obstacles of an OP that moved too little to show a sticking stem, with or without a position.
-OP_AT_REST = ("op_still", "manual", "few_reversals")
+OP_AT_REST = (NoVerdict.OP_STILL, NoVerdict.MANUAL, NoVerdict.FEW_REVERSALS)
 COARSEST_PERCENT = 3.0  # steps of a position, twice the S of a sticky valve
 MOSTLY_HELD = 0.5  # of the unusable samples
 MAP_POSITION = "Map the tag of the stem position (ZT, POS, positioner feedback)."
@@ -61,7 +62,7 @@ def position_obstacles(recording: Recording) -> list[Obstacle]:
     if recording.mv is None:
         return [
             Obstacle(
-                "no_position",
+                NoVerdict.NO_POSITION,
                 "there is no valve position in this recording, and what OP and PV alone say "
                 "is no verdict",
                 "Record the position (positioner feedback, position transmitter), or do a "
@@ -80,7 +81,7 @@ def _copy_obstacles(recording: Recording) -> list[Obstacle]:
     if is_copy(recording):
         return [
             Obstacle(
-                "position_is_op",
+                NoVerdict.POSITION_IS_OP,
                 f"the position tag {tag} repeats OP sample for sample: it is the "
                 "controller output under another name",
                 MAP_POSITION,
@@ -90,7 +91,7 @@ def _copy_obstacles(recording: Recording) -> list[Obstacle]:
     if source is Role.OP:
         return [
             Obstacle(
-                "position_is_op",
+                NoVerdict.POSITION_IS_OP,
                 f"the position tag {tag} is computed from OP (on another scale, late or filtered), "
                 "without the noise that every measured stem has",
                 MAP_POSITION,
@@ -99,7 +100,7 @@ def _copy_obstacles(recording: Recording) -> list[Obstacle]:
     if source is not None:
         return [
             Obstacle(
-                "position_is_" + source.value,
+                NoVerdict.POSITION_IS_PV if source is Role.PV else NoVerdict.POSITION_IS_SP,
                 f"the position tag {tag} repeats {source.value.upper()}, so it is not the stem's",
                 MAP_POSITION,
             )
@@ -108,7 +109,7 @@ def _copy_obstacles(recording: Recording) -> list[Obstacle]:
     if command is not None:
         return [
             Obstacle(
-                "op_is_" + command.value,
+                NoVerdict.OP_IS_PV if command is Role.PV else NoVerdict.OP_IS_SP,
                 f"the tag of OP, {recording.op.tag}, repeats {command.value.upper()}, so it is not "
                 "the controller output",
                 "Map the tag of the controller output (OP, OUT, CO).",
@@ -128,7 +129,7 @@ def _content_obstacles(recording: Recording) -> list[Obstacle]:
         seen = " and ".join(f"{value:g}" for value in values)
         return [
             Obstacle(
-                "position_switch",
+                NoVerdict.POSITION_SWITCH,
                 f"the position tag {mv.tag} knows only the values {seen}: it is a limit switch or "
                 "a state, not a position",
                 MAP_POSITION,
@@ -137,7 +138,7 @@ def _content_obstacles(recording: Recording) -> list[Obstacle]:
     if samples_exchanged(recording):
         return [
             Obstacle(
-                "samples_exchanged",
+                NoVerdict.SAMPLES_EXCHANGED,
                 "OP and position change places from sample to sample",
                 "Export the two tags again, each by itself, and compare.",
             )
@@ -146,7 +147,7 @@ def _content_obstacles(recording: Recording) -> list[Obstacle]:
     if mv.unit == PERCENT and step > COARSEST_PERCENT:
         return [
             Obstacle(
-                "position_coarse",
+                NoVerdict.POSITION_COARSE,
                 f"the position is recorded in steps of {step:.2g} %, wider than the sticking that "
                 "matters",
                 "Have the position archived finer, 0.1 % or better.",
@@ -162,7 +163,7 @@ def reversed_obstacles(recording: Recording) -> list[Obstacle]:
         return []
     return [
         Obstacle(
-            "position_reversed",
+            NoVerdict.POSITION_REVERSED,
             f"the position falls when OP rises (correlation {correlated:.2f}), and no curve "
             "from OP to stroke follows it",
             "Check which tag is this valve's position; if it counts the other way, give its values "
@@ -183,7 +184,7 @@ def foreign_obstacles(recording: Recording) -> list[Obstacle]:
     if sums_its_command(recording):
         return [
             Obstacle(
-                "position_sums_op",
+                NoVerdict.POSITION_SUMS_OP,
                 "the position moves as fast as OP says, wherever it is: OP is a speed, a force or "
                 "the pulses of an electric actuator, and not the position that the valve is told",
                 "Check that OP is what this valve is told: map the position that its positioner or "
@@ -197,7 +198,7 @@ def foreign_obstacles(recording: Recording) -> list[Obstacle]:
             where = f"{share(turns_alone)} of its way to and fro while OP stands at its end"
         return [
             Obstacle(
-                "op_not_followed",
+                NoVerdict.OP_NOT_FOLLOWED,
                 f"the position makes {where}: something else moves this valve",
                 "Map the output that goes to this valve: not that of a manual station that does "
                 "not track, nor of the other valve of a split range.",
@@ -213,7 +214,7 @@ def foreign_obstacles(recording: Recording) -> list[Obstacle]:
     later = "two minutes" if is_of_seconds(unit_s) else duration(LONGEST_DELAY_S, unit_s)
     return [
         Obstacle(
-            "position_unrelated",
+            NoVerdict.POSITION_UNRELATED,
             f"the position does not go with OP (correlation {max(correlated, 0.0):.2f} at best, up "
             f"to {later} later): it may be another valve's",
             "Check which tag is this valve's position; step OP and see whether it answers.",
@@ -225,8 +226,8 @@ def unit_obstacles(recording: Recording) -> list[Obstacle]:
     """A command or a position that is not in percent, so that they cannot be compared."""
     obstacles = []
     for signal, slug, noun in (
-        (recording.op, "op_unit", "of span"),
-        (recording.mv, "position_unit", "of travel"),
+        (recording.op, NoVerdict.OP_UNIT, "of span"),
+        (recording.mv, NoVerdict.POSITION_UNIT, "of travel"),
     ):
         other_range = None if signal is None else not_percent(signal)
         if signal is not None and other_range is not None:
@@ -248,7 +249,7 @@ def _still_obstacles(recording: Recording) -> list[Obstacle]:
     if float(np.ptp(finite)) == 0.0:
         return [
             Obstacle(
-                "position_frozen",
+                NoVerdict.POSITION_FROZEN,
                 f"{UNCHANGED} while OP moved over {op_swing:.1f} %: "
                 "either the transmitter is frozen or the stem is stuck fast",
                 STUCK_REMEDY,
@@ -258,7 +259,7 @@ def _still_obstacles(recording: Recording) -> list[Obstacle]:
     if swing(mv) <= NOISE_SWING * noise_sigma(mv) and abs(correlation(recording)) < -AGAINST:
         return [
             Obstacle(
-                "position_still",
+                NoVerdict.POSITION_STILL,
                 f"{ONLY_NOISE} while OP moved over {op_swing:.1f} %: "
                 "either the stem is stuck fast or this is not the position of this valve",
                 STUCK_REMEDY,
@@ -275,12 +276,12 @@ def _many_bad(recording: Recording, bad: float) -> Obstacle:
         held = held | (recording.mv.quality == Quality.HELD)
     if float(np.mean(held)) < MOSTLY_HELD * bad:
         return Obstacle(
-            "bad_samples",
+            NoVerdict.BAD_SAMPLES,
             f"{share(bad)} of the samples are missing or marked bad",
             "Repair the archive or the transmitter, or choose another time window.",
         )
     return Obstacle(
-        "bad_samples",
+        NoVerdict.BAD_SAMPLES,
         f"{share(bad)} of the samples are missing or repeat an older value: OP or position is "
         "stored at uneven times only, as by an archive that compresses",
         "Have OP and position archived at even times, without compression, and screen it again.",
@@ -291,7 +292,8 @@ def length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
     """Too few samples, too many bad ones, or too many holes between them."""
     usable = int(recording.usable.sum())
     if not len(recording):
-        return [Obstacle("empty", "the recording holds no sample", "Choose another time window.")]
+        choose = "Choose another time window."
+        return [Obstacle(NoVerdict.EMPTY, "the recording holds no sample", choose)]
     obstacles = []
     least_s = limits.min_duration_s or LEAST_SAMPLES * recording.interval_s * recording.unit_s
     if recording.duration_s * recording.unit_s < least_s or usable < limits.min_samples:
@@ -303,7 +305,7 @@ def length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
     if not obstacles and fitted < limits.min_samples:
         obstacles.append(
             Obstacle(
-                "broken_up",
+                NoVerdict.BROKEN_UP,
                 f"holes break the recording into pieces too short to fit: {fitted} samples are "
                 f"more than {duration(WARM_UP_S, recording.unit_s)} after a hole",
                 f"Export at least {limits.min_samples:.0f} samples without holes, or repair "
@@ -334,7 +336,7 @@ def _too_short(recording: Recording, usable: int, least_s: float, limits: Limits
         least = f"{samples} and {duration(least_s / recording.unit_s, recording.unit_s)}"
         good = f"{GOOD_SAMPLES} samples are good"
     return Obstacle(
-        "too_short",
+        NoVerdict.TOO_SHORT,
         f"the recording is too short: {usable} usable samples in {lasts}",
         f"Export at least {least}; {good}.",
     )
@@ -374,17 +376,19 @@ def movement_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
                 f"{stored.low:g}, high = {stored.high:g} for it in the plant file, and the range "
                 f"of the position likewise. If it is in percent: {remedy}"
             )
-        return [Obstacle("manual" if manual else "op_still", reason, remedy)]
+        kind = NoVerdict.MANUAL if manual else NoVerdict.OP_STILL
+        return [Obstacle(kind, reason, remedy)]
     if turns < limits.min_reversals:
         how_often = f"turned round {only_times(turns)}" if turns else "never turned round"
         reason = f"{manual}OP {how_often}; stiction shows at reversals"
-        return [Obstacle("manual" if manual else "few_reversals", reason, remedy)]
+        kind = NoVerdict.MANUAL if manual else NoVerdict.FEW_REVERSALS
+        return [Obstacle(kind, reason, remedy)]
     per_cycle = 2.0 * op.size / turns
     if per_cycle < limits.min_samples_per_cycle:
         interval = duration(recording.interval_s, recording.unit_s, "g")
         return [
             Obstacle(
-                "slow_sampling",
+                NoVerdict.SLOW_SAMPLING,
                 f"sampling is too slow for this loop: {per_cycle:.1f} samples per cycle of OP",
                 f"Record faster than every {interval}.",
             )
@@ -398,7 +402,7 @@ def record_obstacles(frozen: float, drawn_share: float, limits: Limits) -> list[
     if frozen > limits.max_bad_share:
         obstacles.append(
             Obstacle(
-                "position_frozen",
+                NoVerdict.POSITION_FROZEN,
                 f"{FROZEN_FOR} {share(frozen)} of the time",
                 "Check the position transmitter and its path to the historian.",
             )
@@ -406,7 +410,7 @@ def record_obstacles(frozen: float, drawn_share: float, limits: Limits) -> list[
     if drawn_share > limits.max_interpolated_share:
         obstacles.append(
             Obstacle(
-                "compressed",
+                NoVerdict.COMPRESSED,
                 f"the historian compressed the position: {share(drawn_share)} of its moving "
                 "samples were drawn between stored points, which hides when the stem slipped",
                 "Export raw values with compression off (or its deviation below 0.1 %).",

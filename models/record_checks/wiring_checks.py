@@ -24,6 +24,7 @@ from stemwatch.models.stickslip.best_pairing import AFTER, BEFORE, BestShift, Pa
 from stemwatch.models.stickslip.clock_shift import BehindController, behind_controller
 from stemwatch.models.stickslip.fit import FirstLook
 from stemwatch.models.stickslip.rests import Rests
+from stemwatch.models.verdict import NoVerdict
 from stemwatch.models.words import share
 
 # Share of the loss of a stem that never moves (``best_pairing``). `stemwatch calibrate-wiring`
@@ -313,20 +314,20 @@ def _swapped(role: Role, instead_role: Role) -> Obstacle:
     remedy = f"Check which tag is {first} and which is {second}, and map them the other way round."
     if role is Role.MV:
         return Obstacle(
-            "tags_swapped",
+            NoVerdict.TAGS_SWAPPED,
             "PV goes with OP and the position does not: the two seem swapped, or the position is "
             "another valve's",
             f"{remedy} If they are right, look for this valve's position.",
         )
     if instead_role is Role.MV:
         return Obstacle(
-            "tags_swapped",
+            NoVerdict.TAGS_SWAPPED,
             f"{first} and {second} seem swapped, or {first} is stored late: the position moves "
             "first, and the recording makes more sense the other way round",
             f"{remedy} If they are right, compare the times of a step in both.",
         )
     return Obstacle(
-        "tags_swapped",
+        NoVerdict.TAGS_SWAPPED,
         f"{first} and {second} seem swapped: the recording makes sense the other way round, and "
         "not as it is mapped",
         remedy,
@@ -335,7 +336,7 @@ def _swapped(role: Role, instead_role: Role) -> Obstacle:
 
 def _exchanged() -> Obstacle:
     return Obstacle(
-        "tags_swapped",
+        NoVerdict.TAGS_SWAPPED,
         "OP and the position seem swapped: it is the position that answers PV and set point as a "
         "controller's output does, and OP follows it",
         "Check which tag is OP and which is the position, and map them the other way round.",
@@ -346,7 +347,7 @@ def _clocks_apart(recording: Recording, samples: float) -> Obstacle:
     difference_text = duration(abs(samples) * recording.interval_s, recording.unit_s)
     direction = "after OP, later than a stem answers" if samples < 0.0 else "before OP"
     return Obstacle(
-        "clocks_apart",
+        NoVerdict.CLOCKS_APART,
         f"the position moves about {difference_text} {direction}: their clocks differ, or one "
         "of the two was exported for another time",
         "Export OP and position for the same time from one archive, and compare a step.",
@@ -355,7 +356,7 @@ def _clocks_apart(recording: Recording, samples: float) -> Obstacle:
 
 def _not_answered(answers: PvAnswers) -> Obstacle:
     return Obstacle(
-        "position_unanswered",
+        NoVerdict.POSITION_UNANSWERED,
         f"PV answers OP, and not where the position is: of what the two tell of PV, OP alone tells "
         f"{share(min(answers.op_alone, 1.0))}. The position may be that of another valve with the "
         "same set points",
@@ -365,7 +366,7 @@ def _not_answered(answers: PvAnswers) -> Obstacle:
 
 def _unrelated(unexplained: float) -> Obstacle:
     return Obstacle(
-        "position_unrelated",
+        NoVerdict.POSITION_UNRELATED,
         "neither friction nor a slow actuator explains how the position follows OP "
         f"({share(min(unexplained, 1.0))} is left): it may be another valve's",
         "Check which tag is this valve's position; step OP and see whether it answers.",

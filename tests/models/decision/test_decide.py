@@ -190,8 +190,8 @@ def test_shape_by_ratio(S, J, shape):
 
 def test_undetermined_says_the_first_obstacle_and_counts_the_rest():
     """The first obstacle is the reason, its remedy the advice, and the others are counted."""
-    first = Obstacle("a", "OP did not move", "Step OP.")
-    result = undetermined((first, Obstacle("b", "too short", "Wait.")))
+    first = Obstacle(NoVerdict.OP_STILL, "OP did not move", "Step OP.")
+    result = undetermined((first, Obstacle(NoVerdict.TOO_SHORT, "too short", "Wait.")))
     assert "Cannot tell: OP did not move (and 1 more, see data quality)." == result.reason
     assert "Step OP." == result.advice
     assert "Cannot tell: OP did not move." == undetermined((first,)).reason
