@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 
 def share(part: float, digits: int = 0) -> str:
     """A share of one in percent: ``share(0.818)`` is "82 %"."""
     return f"{100.0 * part:.{digits}f} %"
+
+
+def counted(count: int, one: str, several: str = "") -> str:
+    """How many: ``counted(1, "row")`` is "1 row", ``counted(3, "row")`` "3 rows". ``several`` is
+    said of any number but one where that is not ``one`` with an s."""
+    return f"{count} {one}" if count == 1 else f"{count} {several or f'{one}s'}"
+
+
+def listed(names: Sequence[str], most: int) -> str:
+    """The first ``most`` of ``names``, and how many more there are: "A, B and 3 more"."""
+    and_more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"{', '.join(names[:most])}{and_more}"
 
 
 def times(count: int) -> str:

@@ -8,6 +8,8 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol, TypedDict, TypeVar
 
+from stemwatch.models.words import listed
+
 LEVELS = ("site", "area", "unit", "loop")
 CHOSEN_BY = LEVELS[:3]
 MOST_LISTED = 40  # names of a level that a message lists
@@ -132,9 +134,7 @@ def _there_are(level: str, known: Mapping[str, Collection[str]]) -> str:
     names = sorted(known[level])
     if not names:
         return f"the plant file names no {level} of any valve (key {level!r} of [[valves]])"
-    listed = ", ".join(names[:MOST_LISTED])
-    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
-    return f"there {'is' if len(names) == 1 else 'are'} {listed}{more}"
+    return f"there {'is' if len(names) == 1 else 'are'} {listed(names, MOST_LISTED)}"
 
 
 WHOLE_PLANT = PartOfPlant()

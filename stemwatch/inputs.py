@@ -27,6 +27,7 @@ from stemwatch.connectors.settings import nearest
 from stemwatch.dataframe import DataFrameSource
 from stemwatch.models.recording import PERCENT, Provenance, Recording, Role
 from stemwatch.models.screening_result import Screening
+from stemwatch.models.words import listed
 from stemwatch.service.run.plan import Request, make_plan
 from stemwatch.service.run.task import Task, case_of
 
@@ -41,6 +42,7 @@ EXPECTED = (
     "with interval_s=, or a list or dict of several"
 )
 _FRACTION = 1.0 + 1e-9
+_MOST_NAMED = 12  # valves or tags of a message
 
 
 class FileOptions(TypedDict, total=False):
@@ -440,13 +442,7 @@ def _checked(recording: Recording, inputs: InputOptions) -> Recording:
 
 
 def _name_list(names: Sequence[str]) -> str:
-    longest = 12
-    name_text = ", ".join(repr(name) for name in names[:longest])
-    return (
-        f"{name_text} and {len(names) - longest} more"
-        if len(names) > longest
-        else name_text or "none"
-    )
+    return listed([repr(name) for name in names], _MOST_NAMED) or "none"
 
 
 def _described(value: object) -> str:

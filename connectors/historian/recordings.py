@@ -41,7 +41,7 @@ from stemwatch.models.recording import (
     Role,
     Signal,
 )
-from stemwatch.models.words import times
+from stemwatch.models.words import counted, times
 
 
 class SampleSource(Protocol):
@@ -294,9 +294,12 @@ def _in_range(tag: str, percent: Floats, quality: QualityCodes, notes: list[str]
         return quality
     n = int(outside.sum())
     if n > _MOST_OUTSIDE * np.isfinite(percent).sum():
-        notes.append(f"{tag}: {n} samples lie outside the given range; check low and high.")
+        lie = counted(n, "sample lies", "samples lie")
+        notes.append(f"{tag}: {lie} outside the given range; check low and high.")
         return quality
-    notes.append(f"{tag}: {n} samples far outside the given range were left out.")
+    far = "far outside the given range"
+    left_out = counted(n, f"sample {far} was", f"samples {far} were")
+    notes.append(f"{tag}: {left_out} left out.")
     return np.where(outside, Quality.RANGE, quality).astype(np.uint8)
 
 

@@ -23,6 +23,7 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Floats
+from stemwatch.models.words import counted
 
 FEWEST_DAYS = 8  # with an S: fewer cannot separate a rate from an error
 SHORTEST_DAYS = 14.0
@@ -63,10 +64,11 @@ class WearForecast:
             return ""
         low = f"{self.until.low:.0f}"
         if self.until.high is None:
-            return f"reaches {self.limit:g} % in {low} weeks at the earliest"
+            weeks = counted(int(low), "week")
+            return f"reaches {self.limit:g} % in {weeks} at the earliest"
         high = f"{self.until.high:.0f}"
-        weeks = f"about {low}" if low == high else f"{low} to {high}"
-        return f"reaches {self.limit:g} % in {weeks} weeks"
+        weeks = f"about {counted(int(low), 'week')}" if low == high else f"{low} to {high} weeks"
+        return f"reaches {self.limit:g} % in {weeks}"
 
 
 def forecast_wear(days: Sequence[float], S: Sequence[float], limit: float) -> WearForecast:

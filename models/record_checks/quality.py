@@ -30,7 +30,7 @@ from stemwatch.models.signals.forensics import interpolated, quantum
 from stemwatch.models.signals.op_in_steps import op_is_set_in_steps
 from stemwatch.models.signals.percent import without_impossible_values
 from stemwatch.models.signals.runs_of_samples import runs_of
-from stemwatch.models.words import share
+from stemwatch.models.words import counted, share
 
 NEGLIGIBLE_SHARE = 0.005
 PUT_TOGETHER = 0.1  # share of holes above which a recording counts as put together from pieces
@@ -61,9 +61,13 @@ def _clock_remarks(recording: Recording) -> list[tuple[str, str]]:
     clock_remarks, clock = [], recording.clock
     if clock.gaps:
         longest = duration(clock.longest_gap_s, recording.unit_s)
-        clock_remarks.append(("B", f"{clock.gaps} gaps, the longest {longest}"))
+        several = f"{clock.gaps} gaps, the longest {longest}"
+        clock_remarks.append(("B", f"1 gap of {longest}" if clock.gaps == 1 else several))
     if clock.repeated_times or clock.backward_steps:
-        text = f"{clock.repeated_times} repeated times, {clock.backward_steps} steps backward"
+        text = (
+            f"{counted(clock.repeated_times, 'repeated time')}, "
+            f"{counted(clock.backward_steps, 'step backward', 'steps backward')}"
+        )
         clock_remarks.append(("B", text))
     if clock.jitter_s > 0.1 * recording.interval_s:
         jitter = duration(clock.jitter_s, recording.unit_s, ".2g")

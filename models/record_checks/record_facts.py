@@ -8,7 +8,7 @@ from stemwatch.models.recording import PERCENT, Quality, Recording, Role, Signal
 from stemwatch.models.signals.excitation import at_limits, swing
 from stemwatch.models.signals.forensics import longest_repeat, quantum, repeat_share
 from stemwatch.models.signals.oscillation import Oscillation, loop_oscillation
-from stemwatch.models.words import share
+from stemwatch.models.words import counted, share
 
 MOST_MINUTES = 180.0  # of a length that is said in minutes
 NAMES = {Role.OP: "OP", Role.MV: "The position", Role.PV: "PV", Role.SP: "The set point"}
@@ -96,7 +96,9 @@ def _not_controlled(recording: Recording) -> list[str]:
 
 def _long(seconds: float) -> str:
     minutes = seconds / 60.0
-    return f"{minutes:.0f} minutes" if minutes < MOST_MINUTES else f"{minutes / 60.0:.0f} hours"
+    if minutes < MOST_MINUTES:
+        return counted(round(minutes), "minute")
+    return counted(round(minutes / 60.0), "hour")
 
 
 def facts_without_verdict(recording: Recording) -> tuple[str, ...]:

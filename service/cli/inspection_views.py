@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from stemwatch.models.words import counted
 from stemwatch.service.cli.views import as_toml_escapes, escape, out
 
 if TYPE_CHECKING:
@@ -96,8 +97,9 @@ def _facts(inspection: Inspection) -> list[tuple[str, str]]:
         ("sampling interval, jitter", f"{interval}, {clock.jitter_s:.3g} s"),
         (
             "clock",
-            f"{clock.gaps} gaps (longest {clock.longest_gap_s:g} s), {clock.repeated_times} "
-            f"repeated times, {clock.backward_steps} steps backward",
+            f"{counted(clock.gaps, 'gap')} (longest {clock.longest_gap_s:g} s), "
+            f"{counted(clock.repeated_times, 'repeated time')}, "
+            f"{counted(clock.backward_steps, 'step backward', 'steps backward')}",
         ),
         *[("decided", text) for text in inspection.decisions],
         *[("problem", text) for text in inspection.problems],

@@ -20,6 +20,7 @@ from rich.progress import (
 from rich.table import Table
 
 from stemwatch.models.verdict import Verdict
+from stemwatch.models.words import listed
 from stemwatch.service.cli.views import WIDE, err, escape, out
 
 if TYPE_CHECKING:
@@ -256,12 +257,7 @@ def oscillation_lines(groups: Sequence[OscillationGroup]) -> Iterator[str]:
 
 
 def _line_of(answer: str, valves: Sequence[str], sentence: str) -> str:
-    return f"[cyan]{answer}[/] [bold]{escape(_names(valves))}[/]  {escape(sentence)}"
-
-
-def _names(valves: Sequence[str]) -> str:
-    and_more = f" and {len(valves) - NAMED} more" if len(valves) > NAMED else ""
-    return f"{', '.join(valves[:NAMED])}{and_more}"
+    return f"[cyan]{answer}[/] [bold]{escape(listed(valves, NAMED))}[/]  {escape(sentence)}"
 
 
 def signal_lines(screenings: Sequence[Screening]) -> Iterator[str]:
@@ -282,7 +278,7 @@ def not_saved_lines(not_saved: Iterable[tuple[str, str]]) -> list[str]:
     for valve, reason in not_saved:
         valves_of.setdefault(reason, []).append(valve)
     return [
-        f"{reason}: {_names(valves)}. The report has these results; "
+        f"{reason}: {listed(valves, NAMED)}. The report has these results; "
         "later runs will not know of them."
         for reason, valves in valves_of.items()
     ]

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from datetime import datetime, tzinfo
 from typing import Any
 
+from stemwatch.models.words import times
 from stemwatch.service.presenter.wording import instant
 
 _KIND_WORDS = {
@@ -38,8 +39,7 @@ def opened_again(evidence: Mapping[str, Any], zone: tzinfo, zone_name: str) -> s
         return ""
     last = reopened[-1]
     again, closed = (datetime.fromisoformat(last[when]) for when in ("again", "closed"))
-    count = f", the {len(reopened) + 1}th time" if len(reopened) > 2 else ""
-    count = {1: "", 2: ", the third time"}.get(len(reopened), count)
+    count = f", {times(len(reopened))} by now" if len(reopened) > 1 else ""
     why = f" ({last['why']})" if last["why"] else ""
     return (
         f"Opened again {instant(again, zone)} ({zone_name}){count}: the same trouble came back, "

@@ -18,8 +18,8 @@ from typing import TypeGuard
 
 from stemwatch.models.mismatch.findings import Finding, Mismatch
 from stemwatch.models.statistics.false_discovery import LEVEL, significant
+from stemwatch.models.words import counted
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
-from stemwatch.service.presenter.wording import valves_counted
 
 LEVEL_PERCENT = f"{100.0 * LEVEL:g} %"
 
@@ -46,7 +46,7 @@ class Discoveries:
         """The whole run in one or two sentences; empty where no valve could be tested."""
         if not self.tested:
             return ""
-        sentence = f"Hidden physics named on {self.named} of {valves_counted(self.tested)} tested"
+        sentence = f"Hidden physics named on {self.named} of {counted(self.tested, 'valve')} tested"
         if self.named:
             sentence += (
                 f"; at most {LEVEL_PERCENT} of such findings are expected to be due to chance "
@@ -58,7 +58,7 @@ class Discoveries:
         return (
             f"{sentence}. {self.held_back} "
             f"{'more ' if self.named else ''}{'are' if several else 'is'} "
-            f"held back: across {valves_counted(self.tested)} chance alone may have named "
+            f"held back: across {counted(self.tested, 'valve')} chance alone may have named "
             f"{'them' if several else 'it'}."
         )
 
@@ -70,7 +70,7 @@ class Discoveries:
                 "alone; see whether the next recording names it again."
             )
         return (
-            f"Held back: across {valves_counted(self.tested)} chance alone may have named this. "
+            f"Held back: across {counted(self.tested, 'valve')} chance alone may have named this. "
             "Plan no work on it alone; see whether the next recording names it again."
         )
 

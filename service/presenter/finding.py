@@ -15,6 +15,7 @@ from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
+from stemwatch.models.words import listed
 from stemwatch.service.presenter.advice import advice_for, effect_test, term_words
 from stemwatch.service.presenter.beside_friction import beside_friction, without_them
 from stemwatch.service.presenter.oscillation_words import where_to_look
@@ -322,13 +323,9 @@ def _otherwise(
     for effect in present_effects(mismatch):
         alternatives += _alternatives(effect, held_back=stands is False)
     if mismatch.not_testable:
-        named = effect_names(
-            untestable.slug for untestable in mismatch.not_testable[:MOST_UNTESTABLE]
-        )
-        unlisted = len(mismatch.not_testable) - MOST_UNTESTABLE
+        names = [effect_name(untestable.slug) for untestable in mismatch.not_testable]
         alternatives.append(
-            f"This recording could not have shown {named}"
-            f"{f' and {unlisted} more' if unlisted > 0 else ''}; "
+            f"This recording could not have shown {listed(names, MOST_UNTESTABLE)}; "
             f"the first because {mismatch.not_testable[0].reason.rstrip('.')}."
         )
     return tuple(alternatives)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from datetime import tzinfo
 
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
+from stemwatch.models.words import listed
 from stemwatch.service.presenter import wording as words
 
 NAMED = 3  # other loops that a sentence names
@@ -85,11 +86,9 @@ def loop_sentence(group: OscillationGroup, loop: str, zone: tzinfo) -> str:
     sentence = f"{words.share(member.share)} of its PV's variance, period {period(group)}"
     others = [member.loop for member in group.members if member.loop != loop]
     if group.source == loop:
-        named = ", ".join(others[:NAMED])
-        and_more = f" and {len(others) - NAMED} more" if len(others) > NAMED else ""
         evidence = f": {', '.join(member.evidence)}" if member.evidence else ""
         return (
-            f"Oscillates{when} with {named}{and_more} ({sentence}); of these loops it is the "
+            f"Oscillates{when} with {listed(others, NAMED)} ({sentence}); of these loops it is the "
             f"likeliest source ({probability(member.probability)}){evidence}."
         )
     if not group.source:

@@ -158,8 +158,3 @@ def signals_read(tags: Mapping[Role, str]) -> str:
     read = [f"{role.value.upper()} {tag}" for role, tag in tags.items()]
     missing = [name.upper() for name in ("pv", "sp") if name not in tags]
     return f"read: {', '.join(read)}" + (f"; without {' and '.join(missing)}" if missing else "")
-
-
-def valves_counted(count: int) -> str:
-    """``"1 valve"``, ``"15 valves"``."""
-    return f"{count} valve" if count == 1 else f"{count} valves"

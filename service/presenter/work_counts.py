@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from stemwatch.service.presenter.wording import valves_counted
+from stemwatch.models.words import counted
 from stemwatch.service.presenter.work_decision import WorkDecision, WorkState
 
 
@@ -49,9 +49,9 @@ class WorkCounts:
         if self.valves == 1:
             return f"The valve {self._of_the_only_one}"
         if self.not_judged == self.valves:
-            return f"None of {valves_counted(self.valves)} can be judged"
+            return f"None of {counted(self.valves, 'valve')} can be judged"
         needs = "needs" if self.needs_work <= 1 else "need"
-        return f"{self.needs_work or 'None'} of {valves_counted(self.valves)} {needs} work"
+        return f"{self.needs_work or 'None'} of {counted(self.valves, 'valve')} {needs} work"
 
     @property
     def _of_the_only_one(self) -> str:

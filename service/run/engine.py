@@ -21,6 +21,7 @@ from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.secret import masked_command
 from stemwatch.models.limits import Limits
 from stemwatch.models.screening_result import Residual, Screening
+from stemwatch.models.words import counted
 from stemwatch.service import __version__
 from stemwatch.service.executors import Executor
 from stemwatch.service.interruption import (
@@ -95,7 +96,7 @@ class NothingScreened(ConnectorError):
         unlisted = len(unique) - MOST_REASONS
         reason_list = [
             *unique[:MOST_REASONS],
-            *([f"and {unlisted} more reasons"] if unlisted > 0 else []),
+            *([f"and {counted(unlisted, 'more reason')}"] if unlisted > 0 else []),
         ]
         return cls(
             f"nothing could be screened: {'; '.join(reason_list) or 'no valve was asked for'}."

@@ -13,6 +13,7 @@ from stemwatch.models.oscillation_groups.over_windows import told_once
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup, plant_groups
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.statistics.false_discovery import significant
+from stemwatch.models.words import counted
 from stemwatch.service.alerts.digest import queue_messages
 from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.maintenance import write_maintenance
@@ -151,10 +152,10 @@ def _write_worst(
     all_valves = run.store.worst_of_run(run.number, MORE_THAN_ANY_PLANT)
     valves_not_shown = len(set(all_valves) - set(valves_shown))
     if valves_not_shown:
-        text = (
-            f"{valves_not_shown} valves less severe than these are in the ranking of the "
-            "service only"
+        less_severe = counted(
+            valves_not_shown, "valve less severe than these is", "valves less severe than these are"
         )
+        text = f"{less_severe} in the ranking of the service only"
         notes = (*notes, SourceNotRead(source="this report", reason=text))
     elsewhere = p_elsewhere(tested, valves_shown)
     part = replace(context, sources_not_read=notes, p_elsewhere=elsewhere)

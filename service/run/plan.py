@@ -28,6 +28,7 @@ from stemwatch.connectors.historian.header_names import header_names
 from stemwatch.connectors.historian.options import given_options
 from stemwatch.connectors.parquet import ParquetAddress, split_archives
 from stemwatch.models.recording import Role
+from stemwatch.models.words import listed
 from stemwatch.service.config import Plant
 from stemwatch.service.config.schema import Valve
 from stemwatch.service.executors import Executor, outcomes
@@ -319,10 +320,9 @@ def _plant_options(plant: Plant, path: str, options: ReadOptions) -> ReadOptions
 
 def _columns(infos: Sequence[TagInfo]) -> tuple[str, ...]:
     """The tags of a readable file without a recognised valve, and why none was taken for OP."""
-    names = ", ".join(info.tag for info in infos[:MOST_NAMED])
-    and_more = f" and {len(infos) - MOST_NAMED} more" if len(infos) > MOST_NAMED else ""
+    names = listed([info.tag for info in infos], MOST_NAMED)
     tag_remarks = [f"{info.tag}: {info.remark}" for info in infos[:MOST_NAMED] if info.remark]
-    return (f"The file was read; its tags are {names}{and_more}.", *tag_remarks)
+    return (f"The file was read; its tags are {names}.", *tag_remarks)
 
 
 def _task(path: str, tags: ValveTags, options: ReadOptions, window: Window) -> Task:

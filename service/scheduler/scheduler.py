@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
+from stemwatch.models.words import counted
 from stemwatch.service import __version__
 from stemwatch.service.scheduler.instants import Missed, due_between, jitter, next_due
 from stemwatch.service.store.errors import StoreError
@@ -158,8 +159,10 @@ class Scheduler:
             start = due - timedelta(seconds=schedule.window_s)
         reason = ""
         if missed.count > 1:
-            missed_text = f"{'at least ' if missed.at_least else ''}{missed.count - 1}"
-            reason = f"{missed_text} instants before it had been missed; this run makes up for them"
+            at_least = "at least " if missed.at_least else ""
+            instants = counted(missed.count - 1, "instant")
+            them = "it" if missed.count == 2 else "them"
+            reason = f"{at_least}{instants} before it had been missed; this run makes up for {them}"
         return RunToQueue(
             schedule=schedule.name,
             due=due,

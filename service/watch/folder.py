@@ -15,13 +15,26 @@ import numpy as np
 
 from stemwatch.connectors.historian import ReadOptions
 from stemwatch.models.recording import Role
+from stemwatch.models.words import counted, listed
 from stemwatch.service.config import Plant
 from stemwatch.service.store.samples.samples import SampleStore
 from stemwatch.service.store.samples.sources import SourceState, TakenFile
 from stemwatch.service.store.store import Store
 from stemwatch.service.watch.limited_reader import Export, ReaderDied, Rejected, limited_reading
 
-_SHOWN = 8
+log = logging.getLogger(__name__)
+
+DONE, REJECTED = "done", "rejected"
+ATTEMPTS_FILE = ".stemwatch-attempts.json"
+QUIET = timedelta(seconds=5)  # how long a file must be unchanged before it is read
+MOST_ATTEMPTS = 2  # unfinished attempts after which a file is rejected
+_SHOWN = 8  # tags that a note names
+_NOTE = ".why.txt"
+_BEGUN_IN_VAIN = (
+    f"it was begun {MOST_ATTEMPTS} times and the process that read it came to no end: the file may "
+    "take more memory than there is, or the service was stopped meanwhile. Look at its size, split "
+    "it, and drop it again"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,14 +74,13 @@ def take_in(
             count += len(batch)
             old += int(np.count_nonzero(batch.at_us < kept_from_us))
     missing = sorted(set(tags_wanted) - set(units))
-    note = f"{count} samples of {len(units)} tags"
+    note = f"{counted(count, 'sample')} of {counted(len(units), 'tag')}"
     if missing:
-        and_more = f" and {len(missing) - _SHOWN} more" if len(missing) > _SHOWN else ""
-        note += f"; not in this file: {', '.join(missing[:_SHOWN])}{and_more}"
+        note += f"; not in this file: {listed(missing, _SHOWN)}"
     if old:
-        many = "all" if old == count else f"{old}"
+        which = "all of them are" if old == count else counted(old, "of them is", "of them are")
         note += (
-            f"; {many} of them are older than keep_samples_days = "
+            f"; {which} older than keep_samples_days = "
             f"{plant.service.keep_samples_days:g} days, and will be removed within the hour. To "
             "keep them, raise keep_samples_days in [service], start the service again and drop the "
             "file again. `stemwatch screen` reads the file itself, whatever its age"
@@ -92,20 +104,6 @@ def _tags_wanted(plant: Plant, source: str) -> dict[str, bool]:
         if valve.source == source
         for role, tag in valve.tags.by_role().items()
     }
-
-
-ATTEMPTS_FILE = ".stemwatch-attempts.json"
-
-log = logging.getLogger(__name__)
-DONE, REJECTED = "done", "rejected"
-QUIET = timedelta(seconds=5)  # how long a file must be unchanged before it is read
-MOST_ATTEMPTS = 2  # unfinished attempts after which a file is rejected
-_NOTE = ".why.txt"
-_BEGUN_IN_VAIN = (
-    f"it was begun {MOST_ATTEMPTS} times and the process that read it came to no end: the file may "
-    "take more memory than there is, or the service was stopped meanwhile. Look at its size, split "
-    "it, and drop it again"
-)
 
 
 class FileAttempts:

@@ -23,6 +23,7 @@ from stemwatch.connectors.historian.opened_file import OpenedFile, open_file
 from stemwatch.connectors.historian.recordings import find_tag
 from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.models.recording import Quality
+from stemwatch.models.words import listed
 from stemwatch.service.process_lifecycle import begin_child, starting_quietly, worker_context
 
 BATCH = 20_000  # samples in one message, and in one transaction of the store
@@ -159,9 +160,9 @@ def _no_tags(opened: OpenedFile, export: Export) -> str:
     tags = [column.tag for column in opened.table.columns]
     tags_wanted = sorted(export.wanted)
     return (
-        f"none of the {len(tags_wanted)} tags that valves of {export.source!r} name is in it "
-        f"({', '.join(tags_wanted[:_SHOWN]) or 'no valve has this source'}); its tags are "
-        f"{', '.join(tags[:_SHOWN])}{' ...' if len(tags) > _SHOWN else ''}"
+        f"none of the tags that valves of {export.source!r} name is in it "
+        f"({listed(tags_wanted, _SHOWN) or 'no valve has this source'}); its tags are "
+        f"{listed(tags, _SHOWN)}"
     )
 
 

@@ -392,7 +392,7 @@ def check_runs(store: Store, begun: float, ended: float) -> None:
     assert len(runs) >= 2
     for before, after in pairwise(runs):
         missed = round((after.due - before.due).total_seconds() / 10.0) - 1
-        text = re.match(r"(\d+) instants before it", after.reason)
+        text = re.match(r"(\d+) instants? before it", after.reason)
         skipped = after.state is RunState.SKIPPED
         assert skipped or missed == (int(text[1]) if text else 0), (before, after)
     # The schedule begins when the service first opens the store, and ends with the service.

@@ -16,6 +16,7 @@ from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.times.time_fields import NO_OFFSET, Ints
 from stemwatch.connectors.historian.times.zones import after_clock_change, to_utc
 from stemwatch.models.recording import Bools
+from stemwatch.models.words import counted
 
 SECOND_NS = 1_000_000_000
 _ROWS_AT_ONCE = 1 << 20
@@ -70,7 +71,8 @@ def in_zone(
         return Instants(ns=ns, ok=is_placed | aware, in_utc=True, zone=zone)
     if aware.any():
         n = int(naive.sum())
-        notes.problem(f"{n} times have no offset while others do, and no zone was given; left out")
+        without = counted(n, "time has", "times have")
+        notes.problem(f"{without} no offset while others do, and no zone was given; left out")
         return Instants(
             ns=utc, ok=aware, in_utc=True, zone=_offset_sentence(offset_min[aware], notes)
         )

@@ -12,6 +12,7 @@ from stemwatch.connectors.historian.raw_table import Index
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.models.recording import Bools
+from stemwatch.models.words import counted
 
 _HOUR_NS = 3_600_000_000_000
 _DAY_NS = 24 * _HOUR_NS
@@ -118,17 +119,23 @@ def _report_repeated(
     lost = int((repeated & ~is_decided).sum())
     if policy != "infer":
         season = "summer time" if policy == "first" else "standard time"
-        notes.decide(f"{n} rows in the hour that autumn repeats were taken as {season}, as said.")
+        rows = _rows(n, "in the hour that autumn repeats", "taken")
+        notes.decide(f"{rows} as {season}, as said.")
     elif n > lost:
         notes.decide(
-            f"{n - lost} rows in the hour that autumn repeats in {zone} were told apart by their "
-            "order: a clock change, not an event of the plant."
+            f"{_rows(n - lost, f'in the hour that autumn repeats in {zone}', 'told apart')} by "
+            "their order: a clock change, not an event of the plant."
         )
     if lost:
         notes.decide(
-            f"{lost} rows lie in the hour that autumn repeats in {zone}, which is not there twice "
-            "and in order; they were left out. Say ambiguous_hour='first' or 'second' to use them."
+            f"{_rows(lost, f'in the hour that autumn repeats in {zone}', 'left out')}: the hour is "
+            "not there twice and in order. Say ambiguous_hour='first' or 'second' to use them."
         )
+
+
+def _rows(count: int, place: str, done: str) -> str:
+    """How many rows with times in ``place`` something was done with."""
+    return counted(count, f"row {place} was {done}", f"rows {place} were {done}")
 
 
 def _shift(
@@ -140,18 +147,18 @@ def _shift(
     notes: ReadingNotes,
 ) -> Bools:
     """Which rows are placed, with those of the skipped hour moved."""
-    n = int(missing.sum())
+    n, skipped = int(missing.sum()), f"in the hour that spring skips in {zone}"
     if policy == "leave_out":
-        notes.decide(f"{n} rows in the hour that spring skips in {zone} were left out, as said.")
+        notes.decide(f"{_rows(n, skipped, 'left out')}, as said.")
         return is_placed
     import pandas as pd
 
     moved = pd.DatetimeIndex((local[missing] + _HOUR_NS).astype("datetime64[ns]"))
     local[missing] = _ns(moved.tz_localize(zone, ambiguous=True, nonexistent="shift_forward"))
     notes.decide(
-        f"{n} rows have times in the hour that spring skips in {zone}; they were shifted forward "
-        "by an hour. If the source keeps standard time all year, give its fixed zone instead, "
-        "such as 'Etc/GMT-1' for one hour east."
+        f"{counted(n, 'row has a time', 'rows have times')} {skipped}, shifted forward by an hour. "
+        "If the source keeps standard time all year, give its fixed zone instead, such as "
+        "'Etc/GMT-1' for one hour east."
     )
     return is_placed | missing
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from stemwatch.models.history.wear_forecast import FEWEST_DAYS, forecast_wear
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.history.wear_forecast import FEWEST_DAYS, WearForecast, forecast_wear
 
 DAYS = np.arange(0, 84, 2.0)
 
@@ -71,3 +72,5 @@ def test_the_words_name_limit_and_weeks():
     words = forecast_wear(DAYS, with_error(0.1 + 0.014 * DAYS), 1.5).words
     assert words.startswith("reaches 1.5 % in ")
     assert "weeks" in words
+    next_week = Estimate(value=1.1, low=0.9, high=1.2, unit="weeks")
+    assert WearForecast(limit=1.5, until=next_week).words == "reaches 1.5 % in about 1 week"

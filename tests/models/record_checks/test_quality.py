@@ -331,7 +331,9 @@ def test_one_impossible_sample_is_masked():
     ("clock", "words"),
     [
         (ClockFacts(gaps=2, longest_gap_s=61.0), "2 gaps, the longest 61 s"),
+        (ClockFacts(gaps=1, longest_gap_s=61.0), "1 gap of 61 s"),
         (ClockFacts(repeated_times=3), "3 repeated times, 0 steps backward"),
+        (ClockFacts(repeated_times=1, backward_steps=1), "1 repeated time, 1 step backward"),
         (ClockFacts(jitter_s=0.4), "the clock jitters by 0.4 s"),
     ],
 )

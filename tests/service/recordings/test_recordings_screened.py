@@ -229,7 +229,7 @@ def test_the_faults_of_a_poor_archive_are_found(screened: Screened) -> None:
     _, (valve,) = screened("historian_faults")
     text = " ".join([*valve["quality"]["reasons"], *valve["still_seen"]])
     for fact in (
-        "1 gaps, the longest 13.8 min",
+        "1 gap of 13.8 min",
         "OP is recorded in steps of 1 %",
         "PV is recorded in steps of 0.01",
         "OP is at its lower limit for 33 % of the time",

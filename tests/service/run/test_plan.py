@@ -13,6 +13,7 @@ from stemwatch.models.recording import Role
 from stemwatch.service.config import load_plant
 from stemwatch.service.presenter.finding import present
 from stemwatch.service.report.json_contract import to_contract
+from stemwatch.service.run.engine import NothingScreened
 from stemwatch.service.run.plan import Request, make_plan
 from stemwatch.service.run.task import screen_tasks
 
@@ -170,3 +171,11 @@ def test_nothing_is_asked_where_no_name_leaves_doubt(tmp_path: Path, column: str
     file.write_text(OP_AND_MV.format(column), encoding="utf-8")
     (task,) = make_plan(Request(sources=(str(file),))).tasks
     assert task.position_question == ""
+
+
+def test_a_run_without_a_valve_says_five_reasons_and_how_many_more() -> None:
+    """A folder of a thousand files is no page of errors."""
+    not_read = [(f"{k}.csv", "no row of numbers.") for k in range(7)]
+    text = str(NothingScreened.of([], not_read))
+    assert text.endswith("4.csv: no row of numbers; and 2 more reasons.")
+    assert str(NothingScreened.of([], not_read[:6])).endswith("; and 1 more reason.")
