@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
+from stemwatch.models.words import listed
 from stemwatch.service.config import Plant
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert, to_do
 from stemwatch.service.store.storable import clean_text
@@ -103,7 +104,7 @@ def _alert_of_valve(
     return RaisedAlert(
         cause=VALVE + valve,
         kind=AlertKind.NO_DATA,
-        severity=_severity(entry.criticality),
+        severity=severity_without_data(entry.criticality),
         text=(
             f"{name}: no good sample of {tag_list}. {entry.source} answers, so it is the signal."
         ),
@@ -117,15 +118,13 @@ def _alert_of_valve(
 
 
 def _alert_of_device(plant: Plant, device: str, valves: Sequence[str]) -> RaisedAlert:
-    valve_list = ", ".join(valves[:_NAMED])
-    and_more = f" and {len(valves) - _NAMED} more" if len(valves) > _NAMED else ""
     return RaisedAlert(
         cause=MANY + device,
         kind=AlertKind.NO_DATA,
-        severity=_severity(max(plant.valves[valve].criticality for valve in valves)),
+        severity=severity_without_data(max(plant.valves[valve].criticality for valve in valves)),
         text=(
             f"{len(valves)} valves of {device} have signals without a good sample, while it "
-            f"answers ({valve_list}{and_more})."
+            f"answers ({listed(valves, _NAMED)})."
         ),
         source=device,
         evidence={
@@ -135,5 +134,6 @@ def _alert_of_device(plant: Plant, device: str, valves: Sequence[str]) -> Raised
     )
 
 
-def _severity(criticality: int) -> AlertSeverity:
+def severity_without_data(criticality: int) -> AlertSeverity:
+    """How urgent it is that of a valve of this criticality nothing is known."""
     return AlertSeverity.HIGH if criticality == 3 else AlertSeverity.MEDIUM

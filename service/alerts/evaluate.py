@@ -3,34 +3,26 @@ into one alert."""
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from zoneinfo import ZoneInfo
 
 from stemwatch.models.history.evidence_over_windows import FRICTION_GONE
 from stemwatch.models.history.fall_of_stiction import UnexplainedFall
 from stemwatch.service.alerts.after_maintenance import WRITER, note_fall, note_result_of_work
+from stemwatch.service.alerts.common_cause import COMMON, alert_of, causes_over, common_causes
 from stemwatch.service.alerts.one_per_cause import faded, one_per_cause, with_earlier_cause
 from stemwatch.service.alerts.rules import RATIO, ValveRecord, apply_rules
 from stemwatch.service.alerts.when_over import WINDOWS_BACK
 from stemwatch.service.config import Plant
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
-from stemwatch.service.store.alerts.alerts import (
-    JOINED,
-    AlertKind,
-    AlertSeverity,
-    RaisedAlert,
-    to_do,
-)
+from stemwatch.service.store.alerts.alerts import JOINED, RaisedAlert
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import Store
 
-AT_ONCE = 250  # valves of one round of queries; times the depth, what one statement may name
-
-_NAMED = 12  # valves of a common alert that are listed
-_AT_ONCE = 500  # causes closed by one statement
+VALVES_AT_ONCE = 250  # of one round of queries; times the depth, what one statement may name
+CAUSES_AT_ONCE = 500  # closed by one statement
 CLEARED = "not found in the last runs any more"
 
 
@@ -55,8 +47,8 @@ def gathered(
     Raises ``StoreError``."""
     zone = ZoneInfo(plant.zone or "UTC")
     depth = max(max(plant.alerts.of_runs, plant.alerts.clear_after_runs) * 3, WINDOWS_BACK)
-    for first in range(0, len(valves), AT_ONCE):
-        part = valves[first : first + AT_ONCE]
+    for first in range(0, len(valves), VALVES_AT_ONCE):
+        part = valves[first : first + VALVES_AT_ONCE]
         histories = store.recent(part, depth, RATIO)
         weeks, falls = store.trends_and_falls(part, plant.limits)
         for valve in part:
@@ -89,8 +81,8 @@ def _repair_seen(fall: UnexplainedFall | None, plant: Plant) -> UnexplainedFall 
 def awaiting_aftermath(store: Store, valves: Sequence[str]) -> list[str]:
     """Those of ``valves`` whose last maintenance no note compares with what followed yet."""
     waiting: list[str] = []
-    for first in range(0, len(valves), AT_ONCE):
-        waiting += store.work_without_note(valves[first : first + AT_ONCE], WRITER)
+    for first in range(0, len(valves), VALVES_AT_ONCE):
+        waiting += store.work_without_note(valves[first : first + VALVES_AT_ONCE], WRITER)
     return waiting
 
 
@@ -101,17 +93,14 @@ def _facts(plant: Plant, valve: str) -> StoredValve:
     return StoredValve.of(entry)
 
 
-@dataclass(frozen=True)
-class _Group:
-    """Valves that may fail together: of one area, unit or source."""
+@dataclass(kw_only=True)
+class _AlertChanges:
+    """What the rules say of the valves of a run: alerts to raise, which open causes are over and
+    why, and those that another alert speaks for now."""
 
-    kind: AlertKind
-    what: str  # "area", "unit" or "source"
-    name: str
-
-    @property
-    def cause(self) -> str:
-        return f"{AlertKind.COMMON.value}:{self.kind.value}:{self.what}:{self.name}"
+    raised: list[RaisedAlert] = field(default_factory=list)
+    ended: dict[str, str] = field(default_factory=dict)
+    joined: list[str] = field(default_factory=list)
 
 
 def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
@@ -122,126 +111,48 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     """
     valves_done = store.queue.valves_done(run_id)
     open_before = store.alerts.open_causes()
-    raised: list[RaisedAlert] = []
-    ended: dict[str, str] = {}
-    joined_now: list[str] = []
-    for seen in gathered(store, plant, valves_done, over_weeks(store, run_id, valves_done)):
+    found = _by_rules(store, plant, run_id, valves_done, open_before)
+    for valve in awaiting_aftermath(store, valves_done):
+        note_result_of_work(store, valve)
+    groups = common_causes(found.raised, plant)
+    common = [alert_of(group, alerts, run_id) for group, alerts in groups.items()]
+    common_before = {cause for cause in open_before if cause.startswith(COMMON)}
+    not_again = common_before - {alert.cause for alert in common}
+    common_over = causes_over(not_again, set(valves_done), plant)
+    _clear(store, found.ended | dict.fromkeys(sorted(common_over), CLEARED))
+    # An alert that is now part of a common cause is reported once, by the common alert.
+    in_common = {alert.cause for group in groups.values() for alert in group}
+    joined = [
+        cause for alert in found.raised if alert.cause in in_common for cause in alert.formerly
+    ]
+    _clear(store, dict.fromkeys([*found.joined, *joined], JOINED))
+    new = [alert for alert in found.raised if alert.cause not in in_common]
+    return store.alerts.raise_all([*common, *new])
+
+
+def _by_rules(
+    store: Store, plant: Plant, run_id: int, valves: Sequence[str], open_before: set[str]
+) -> _AlertChanges:
+    """Apply the rules to each of ``valves``; a fall of S without recorded work gets a note."""
+    found = _AlertChanges()
+    for seen in gathered(store, plant, valves, over_weeks(store, run_id, valves)):
         raised_now, closed = apply_rules(seen, plant.alerts)
         of_valve, merged_causes = one_per_cause(
             raised_now, open_before - set(closed), faded(seen, plant.alerts)
         )
-        raised += [with_earlier_cause(seen, alert) for alert in of_valve]
+        found.raised += [with_earlier_cause(seen, alert) for alert in of_valve]
         renamed = {former for alert in of_valve for former in alert.formerly}
-        joined_now += [cause for cause in merged_causes if cause in open_before - renamed]
+        found.joined += [cause for cause in merged_causes if cause in open_before - renamed]
         why = CLEARED if seen.fall is None else f"{CLEARED}: {seen.fall.sentence}"
-        ended |= {cause: why for cause in closed if cause in open_before}
+        found.ended |= {cause: why for cause in closed if cause in open_before}
         if seen.fall is not None:
             note_fall(store, seen.valve.id, seen.fall)
-    for valve in awaiting_aftermath(store, valves_done):
-        note_result_of_work(store, valve)
-    groups = _groups(raised, plant)
-    common = [_common(group, alerts, run_id) for group, alerts in groups.items()]
-    causes_now = {alert.cause for alert in common}
-    causes_before = {
-        cause for cause in open_before if cause.startswith(AlertKind.COMMON.value + ":")
-    }
-    common_ended = _ended_causes(causes_before - causes_now, set(valves_done), plant)
-    ended |= dict.fromkeys(sorted(common_ended), CLEARED)
-    in_common = {alert.cause for group in groups.values() for alert in group}
-    joined_now += [
-        cause for alert in raised if alert.cause in in_common for cause in alert.formerly
-    ]
-    for why in dict.fromkeys(ended.values()):
-        over = [cause for cause, reason in ended.items() if reason == why]
-        for first in range(0, len(over), _AT_ONCE):
-            store.alerts.clear(over[first : first + _AT_ONCE], why)
-    for first in range(0, len(joined_now), _AT_ONCE):
-        store.alerts.clear(joined_now[first : first + _AT_ONCE], JOINED)
-    # An alert that is now part of a common cause is reported once, by the common alert.
-    new = [alert for alert in raised if alert.cause not in in_common]
-    return store.alerts.raise_all([*common, *new])
+    return found
 
 
-def _groups(raised: Iterable[RaisedAlert], plant: Plant) -> dict[_Group, list[RaisedAlert]]:
-    """The groups of which so many valves have the same finding that it has one cause."""
-    sizes: dict[tuple[str, str], int] = defaultdict(int)
-    for valve in plant.valves.values():
-        for group_key in _places(plant, valve.id):
-            sizes[group_key] += 1
-    groups: dict[_Group, list[RaisedAlert]] = defaultdict(list)
-    for alert in raised:
-        for group_kind, name in _places(plant, alert.valve or ""):
-            groups[_Group(alert.kind, group_kind, name)].append(alert)
-    rules = plant.alerts
-    large = {
-        group: alerts_of_group
-        for group, alerts_of_group in groups.items()
-        if len(alerts_of_group) >= rules.common_valves
-        and len(alerts_of_group) >= rules.common_share * sizes[group.what, group.name]
-        # Friction is individual to a valve. Many valves that name the same effect, or leave their
-        # baselines together, point to what they share: air supply, signal, archive.
-        and group.kind in (AlertKind.BASELINE, AlertKind.MISMATCH)
-    }
-    return _largest_first(large)
-
-
-def _largest_first(groups: dict[_Group, list[RaisedAlert]]) -> dict[_Group, list[RaisedAlert]]:
-    """Each valve in one group only: an area and a source often hold the same valves."""
-    used_causes: set[str] = set()
-    chosen: dict[_Group, list[RaisedAlert]] = {}
-    for group, alerts_of_group in sorted(
-        groups.items(), key=lambda group: (-len(group[1]), group[0].cause)
-    ):
-        remaining = [alert for alert in alerts_of_group if alert.cause not in used_causes]
-        if len(remaining) * 2 > len(alerts_of_group):
-            chosen[group] = remaining
-            used_causes.update(alert.cause for alert in remaining)
-    return chosen
-
-
-def _places(plant: Plant, valve: str) -> list[tuple[str, str]]:
-    entry = plant.valves.get(valve)
-    if entry is None:
-        return []
-    places = [("area", entry.area), ("unit", entry.unit), ("source", entry.source)]
-    return [(what, name) for what, name in places if name]
-
-
-def _common(group: _Group, alerts: Sequence[RaisedAlert], run_id: int) -> RaisedAlert:
-    names = [alert.valve or "" for alert in alerts]
-    name_list = ", ".join(names[:_NAMED])
-    and_more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    words = {
-        AlertKind.BASELINE: "move differently from their baselines",
-        AlertKind.MISMATCH: "show something beside stiction",
-    }
-    worst = min((alert.severity for alert in alerts), key=list(AlertSeverity).index)
-    return RaisedAlert(
-        cause=group.cause,
-        kind=AlertKind.COMMON,
-        severity=worst,
-        text=(
-            f"{len(names)} valves of {group.what} {group.name} {words[group.kind]} at once "
-            f"({name_list}{and_more})."
-        ),
-        run_id=run_id,
-        evidence={
-            "valves": names,
-            "kind": group.kind.value,
-            **to_do("Look for what they share: air supply, signal, archive."),
-        },
-    )
-
-
-def _ended_causes(causes: set[str], seen: set[str], plant: Plant) -> set[str]:
-    """Common causes that a run saw enough valves of to say that they are over, and those of areas,
-    units and sources that the plant does not have any more."""
-    ended: set[str] = set()
-    for cause_over in causes:
-        *_, group_kind, name = cause_over.split(":", 3)
-        members = {
-            v.id for v in plant.valves.values() if (group_kind, name) in _places(plant, v.id)
-        }
-        if not members or len(members & seen) * 2 > len(members):
-            ended.add(cause_over)
-    return ended
+def _clear(store: Store, over: Mapping[str, str]) -> None:
+    """Close the alerts of these causes, each with the reason beside it."""
+    for why in dict.fromkeys(over.values()):
+        causes = [cause for cause, reason in over.items() if reason == why]
+        for first in range(0, len(causes), CAUSES_AT_ONCE):
+            store.alerts.clear(causes[first : first + CAUSES_AT_ONCE], why)

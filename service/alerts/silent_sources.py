@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
 
-from stemwatch.service.alerts.dead_tags import MANY, VALVE, dead_tags, raised_of
+from stemwatch.models.words import counted
+from stemwatch.service.alerts.dead_tags import (
+    MANY,
+    VALVE,
+    dead_tags,
+    raised_of,
+    severity_without_data,
+)
 from stemwatch.service.config import Plant
-from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert, to_do
+from stemwatch.service.store.alerts.alerts import AlertKind, RaisedAlert, to_do
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.store import Store
 
@@ -81,14 +88,13 @@ def _silent(plant: Plant, name: str, state: SourceState | None, last: datetime) 
     valves = [valve for valve in plant.valves.values() if valve.source == name]
     fault = f" ({state.fault})" if state is not None and state.fault else ""
     worst = max((valve.criticality for valve in valves), default=1)
-    severity = AlertSeverity.HIGH if worst == 3 else AlertSeverity.MEDIUM
     return RaisedAlert(
         cause=_cause(name),
         kind=AlertKind.NO_DATA,
-        severity=severity,
+        severity=severity_without_data(worst),
         text=(
-            f"No good sample of {name} since {last:%Y-%m-%d %H:%M} UTC{fault}; its {len(valves)} "
-            "valves are not watched."
+            f"No good sample of {name} since {last:%Y-%m-%d %H:%M} UTC{fault}; its "
+            f"{counted(len(valves), 'valve is', 'valves are')} not watched."
         ),
         source=name,
         evidence={
