@@ -25,7 +25,8 @@ from stemwatch.service.presenter.physics_words import (
     facet_title,
 )
 from stemwatch.service.presenter.wording import finite
-from stemwatch.service.report.charts.effect_pictures import Picture, effect_pictures
+from stemwatch.service.report.charts.effect_pictures import effect_pictures
+from stemwatch.service.report.charts.small_plot import Picture
 from stemwatch.service.report.charts.traces import Chart
 from stemwatch.service.report.charts.valve_charts import overlay_of
 from stemwatch.service.report.heatmap import heat_map, largest

@@ -141,6 +141,20 @@ class SmallPlot:
         return Markup('<ul class="small-legend">{}</ul>').format(Markup("").join(items))
 
 
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """One picture with its heading and what to see in it."""
+
+    title: str
+    plot: SmallPlot
+    caption: str = ""
+
+    @property
+    def svg(self) -> Markup:
+        """The picture as it stands in a page."""
+        return self.plot.svg()
+
+
 def _tick(value: float) -> str:
     text = figure(value, 6) if abs(value) > 1e-12 else "0"
     return text.rstrip("0").rstrip(".") if "." in text else text

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from stemwatch.models.recording import Floats, Recording, Role, Signal
 from stemwatch.models.without_position.picture import ElementTraces
 from stemwatch.service.presenter.wording import figure, printable
-from stemwatch.service.report.charts.effect_pictures import Picture
-from stemwatch.service.report.charts.small_plot import PlottedLine, SmallPlot
+from stemwatch.service.report.charts.small_plot import Picture, PlottedLine, SmallPlot
 from stemwatch.service.report.charts.thinning import extreme_samples
 from stemwatch.service.report.charts.typical_stretch import typical_stretch_of
 from stemwatch.service.report.charts.valve_charts import (

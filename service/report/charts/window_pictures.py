@@ -14,8 +14,8 @@ import numpy as np
 
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.screening_result import Screening
-from stemwatch.service.report.charts.effect_pictures import Picture, effect_pictures
-from stemwatch.service.report.charts.small_plot import Note, PlottedLine, SmallPlot
+from stemwatch.service.report.charts.effect_pictures import effect_pictures
+from stemwatch.service.report.charts.small_plot import Note, Picture, PlottedLine, SmallPlot
 from stemwatch.service.report.charts.suspicion_pictures import suspicion_pictures
 from stemwatch.service.report.charts.thinning import extreme_samples
 from stemwatch.service.report.charts.traces import packed, unpacked

@@ -25,7 +25,7 @@ from stemwatch.service.presenter.urgency import Priority, priority_of
 from stemwatch.service.presenter.work_decision import can_be_tested
 from stemwatch.service.report.bars import MODEL_NAMES, bar_top
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
-from stemwatch.service.report.charts.effect_pictures import Picture
+from stemwatch.service.report.charts.small_plot import Picture
 from stemwatch.service.report.charts.suspicion_pictures import ShownSuspicion
 from stemwatch.service.report.charts.window_pictures import unpack_pictures
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view

@@ -11,7 +11,8 @@ import pytest
 from stemwatch.models.mismatch.findings import FreeRuns, Mismatch, RecordEffect
 from stemwatch.models.mismatch.measurement.record_effects import late_effect, small_delay_effect
 from stemwatch.models.recording import Floats, Recording, Role, Signal
-from stemwatch.service.report.charts.effect_pictures import Picture, effect_pictures
+from stemwatch.service.report.charts.effect_pictures import effect_pictures
+from stemwatch.service.report.charts.small_plot import Picture
 from tests.service.example_mismatches import named
 
 FALLS_AT = 2.9  # %/s, as ``named`` has it
