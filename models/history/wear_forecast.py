@@ -43,6 +43,8 @@ LEVEL_NOISE = np.array([0.0, 0.015, 0.04])
 RATE_NOISE = np.array([0.0, 0.0004, 0.001])
 FIRST_RATE = 0.05  # percent a day: prior standard deviation of the rate
 LEAST_ERROR_PERCENT = 0.03
+# Why no time is given although a trend is claimed.
+NOT_WITHIN_A_YEAR = "S rises, but does not reach the limit within a year"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,7 +155,7 @@ def _passage(state: Floats, noise: Floats, limit: float, rng: np.random.Generato
         day, (INTERVAL_PERCENT[0], 50.0, INTERVAL_PERCENT[1]), method="nearest"
     )
     if not np.isfinite(middle):
-        return Estimate.unknown("S rises, but does not reach the limit within a year", "weeks")
+        return Estimate.unknown(NOT_WITHIN_A_YEAR, "weeks")
     return Estimate(
         value=float(middle) / WEEK,
         low=float(low) / WEEK,

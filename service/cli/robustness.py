@@ -60,13 +60,13 @@ def robustness(
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.studies.robustness import WAYS, rows, run_robustness
 
-    storages = o.names_that_hold(way, WAYS, "--way", "way")
+    ways = o.names_that_hold(way, WAYS, "--way", "way")
     views.say_if_not_blind(seed)
     if keep is not None:
         keep.mkdir(parents=True, exist_ok=True)
-    with views.progress("recordings", 2 * valves * len(storages)) as advance:
+    with views.progress("recordings", 2 * valves * len(ways)) as advance:
         executor = choose_executor(workers)
-        answers = run_robustness(valves, seed, storages, executor, advance, keep)
+        answers = run_robustness(valves, seed, ways, executor, advance, keep)
     _print(table := list(rows(answers)), markdown=markdown)
     _print_coverage(table)
     views.write_answers(answers, json_file)

@@ -316,14 +316,12 @@ def alarms(followed: Sequence[Followed], limit: float) -> list[tuple[str, int, i
     groups = [(fate.value, scores(followed, fate)) for fate in ValveFate]
     grown = [valve for valve in followed if valve.fate is ValveFate.GROWING]
     for low, high in _BANDS:
-        band = [followed for followed in grown if low <= round(followed.S, 6) < high]
+        band = [valve for valve in grown if low <= round(valve.S, 6) < high]
         upto = f"{low:g} to {high:g} %" if high < 100.0 else f"{low:g} % and more"
         groups.append((f"growing, to S of {upto}", scores(band, ValveFate.GROWING)))
-    above_limit = [
-        (name, sum(score > limit for score in group), len(group)) for name, group in groups
-    ]
-    everyone = sum((followed.score or 0.0) > limit for followed in grown)
-    return [*above_limit, ("growing, with those refused", everyone, len(grown))]
+    rows = [(name, sum(score > limit for score in group), len(group)) for name, group in groups]
+    alarmed = sum((valve.score or 0.0) > limit for valve in grown)
+    return [*rows, ("growing, with those refused", alarmed, len(grown))]
 
 
 def as_json(followed: Sequence[Followed], calibration: Sequence[Followed]) -> dict[str, Any]:

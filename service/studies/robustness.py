@@ -276,23 +276,23 @@ def answer_batch(batch: RobustnessBatch) -> list[StudyAnswer]:
     kept = map(StudyAnswer.of_json, stored_lines(batch.file))
     answers = {answer.way: answer for answer in kept}
     recordings: dict[int, Recording] = {}
-    for storage in batch.ways:
-        if storage in answers:
+    for way in batch.ways:
+        if way in answers:
             continue
-        hours = WAYS[storage].hours
+        hours = WAYS[way].hours
         if hours not in recordings:
             recordings[hours] = recorded(batch.valve, hours)
-        answers[storage] = answered(batch.valve, recordings[hours], storage)
-        append_line(batch.file, answers[storage].as_json())
-    return [answers[storage] for storage in batch.ways]
+        answers[way] = answered(batch.valve, recordings[hours], way)
+        append_line(batch.file, answers[way].as_json())
+    return [answers[way] for way in batch.ways]
 
 
-def answered(valve: StudiedValve, recording: Recording, storage: str) -> StudyAnswer:
+def answered(valve: StudiedValve, recording: Recording, way: str) -> StudyAnswer:
     """What is said of the ``recording`` of a valve, stored in one way."""
-    stored = WAYS[storage].change(recording)
+    stored = WAYS[way].change(recording)
     (screening,) = screen([Case(recording=stored)], Options(narx=False))
-    scale = _op_per_travel(recording, stored) if WAYS[storage].strokes else 1.0
-    return _answer(storage, valve, screening, scale)
+    scale = _op_per_travel(recording, stored) if WAYS[way].strokes else 1.0
+    return _answer(way, valve, screening, scale)
 
 
 def recorded(valve: StudiedValve, hours: int = 1) -> Recording:
@@ -310,10 +310,10 @@ def _op_per_travel(recording: Recording, stored: Recording) -> float:
     return float(after / before)
 
 
-def _answer(storage: str, valve: StudiedValve, screening: Screening, scale: float) -> StudyAnswer:
+def _answer(way: str, valve: StudiedValve, screening: Screening, scale: float) -> StudyAnswer:
     effects = screening.mismatch.effects if screening.mismatch is not None else ()
     return StudyAnswer(
-        way=storage,
+        way=way,
         sticking=valve.sticking,
         verdict=screening.verdict,
         reason=screening.reason,
@@ -322,7 +322,7 @@ def _answer(storage: str, valve: StudiedValve, screening: Screening, scale: floa
         S_at_least=screening.S.at_least,
         true_S=scale * valve.S,
         true_J=scale * valve.J,
-        named=tuple(effect.slug for effect in effects if effect.slug not in WAYS[storage].true),
+        named=tuple(effect.slug for effect in effects if effect.slug not in WAYS[way].true),
         seconds=screening.seconds,
     )
 
@@ -330,19 +330,19 @@ def _answer(storage: str, valve: StudiedValve, screening: Screening, scale: floa
 def run_robustness(
     valves_each: int,
     seed: int,
-    storages: Sequence[str],
+    ways: Sequence[str],
     executor: Executor,
     on_progress: Callable[[int], None],
     keep: Path | None = None,
 ) -> list[StudyAnswer]:
     """``valves_each`` sticking and healthy valves in each way. What is said of them is kept in the
     folder ``keep``, and is not asked again. Raises ``KeyError`` for an unknown way."""
-    for storage in storages:
-        WAYS[storage]
+    for way in ways:
+        WAYS[way]
     batches = [
         RobustnessBatch(
             valve,
-            tuple(storages),
+            tuple(ways),
             None if keep is None else keep / f"{seed}-{valves_each}-{number}.jsonl",
         )
         for number, valve in enumerate(draw_valves(valves_each, seed))
@@ -373,18 +373,18 @@ class Row:
 
 def rows(answers: Sequence[StudyAnswer]) -> Iterator[Row]:
     """One row for each way, in the order in which they were asked for."""
-    for storage in dict.fromkeys(answer.way for answer in answers):
-        yield _row(storage, [answer for answer in answers if answer.way == storage])
+    for way in dict.fromkeys(answer.way for answer in answers):
+        yield _row(way, [answer for answer in answers if answer.way == way])
 
 
-def _row(storage: str, answers: Sequence[StudyAnswer]) -> Row:
+def _row(way: str, answers: Sequence[StudyAnswer]) -> Row:
     healthy = [answer for answer in answers if not answer.sticking]
     sticking = [answer for answer in answers if answer.sticking]
     S = [(answer.true_S, *answer.S) for answer in sticking if answer.S is not None]
     J = [(answer.true_J, *answer.J) for answer in sticking if answer.J is not None]
     bounds = [answer for answer in sticking if answer.S_at_least is not None]
     return Row(
-        way=storage,
+        way=way,
         healthy=len(healthy),
         called_sticky=sum(answer.verdict is Verdict.STICKY for answer in healthy),
         healthy_undetermined=sum(answer.verdict is Verdict.UNDETERMINED for answer in healthy),

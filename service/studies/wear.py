@@ -14,7 +14,12 @@ import numpy as np
 
 from stemwatch.models.history.fall_of_stiction import history_since_fall
 from stemwatch.models.history.trend_over_weeks import trend_over_weeks
-from stemwatch.models.history.wear_forecast import WEEK, WearForecast, forecast_wear
+from stemwatch.models.history.wear_forecast import (
+    NOT_WITHIN_A_YEAR,
+    WEEK,
+    WearForecast,
+    forecast_wear,
+)
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Bools, Floats
 
@@ -49,8 +54,8 @@ class ForecastCase:
     @property
     def claimed(self) -> bool:
         """Whether a trend was claimed at all."""
-        reason = self.forecast.until.reason or ""
-        return self.forecast.until.value is not None or reason.startswith("S rises")
+        until = self.forecast.until
+        return until.value is not None or until.reason == NOT_WITHIN_A_YEAR
 
     @property
     def holds(self) -> bool | None:

@@ -83,9 +83,9 @@ def test_a_run_goes_on_from_what_is_kept_way_by_way(monkeypatch, tmp_path) -> No
     """A second way is added to what was kept; what a stopped run left of a line is asked again."""
     asked: list[str] = []
 
-    def said(valve: StudiedValve, recording: Recording, storage: str) -> StudyAnswer:
-        asked.append(storage)
-        return replace(answer(None, (4.8, 4.0, 5.5)), way=storage, sticking=valve.sticking)
+    def said(valve: StudiedValve, recording: Recording, way: str) -> StudyAnswer:
+        asked.append(way)
+        return replace(answer(None, (4.8, 4.0, 5.5)), way=way, sticking=valve.sticking)
 
     def run(*ways: str) -> list[StudyAnswer]:
         asked.clear()
