@@ -21,13 +21,12 @@ from stemwatch.models.mismatch.fit.crossfit import folds, gain, scored
 from stemwatch.models.mismatch.measurement.record_effects import measured_record
 from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
 from stemwatch.models.recording import Floats, Recording
+from stemwatch.models.stickslip.curve_signs import MOVING_SAMPLES, at_a_stop
 from stemwatch.models.stickslip.find_stroke_curve import (
     DEGREES,
     EARLIER_USED,
     LEAST_BEND_GAIN,
     LEAST_BEND_T,
-    MOVING_SAMPLES,
-    at_a_stop,
     monotone,
     robust_weights,
 )

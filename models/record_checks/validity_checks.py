@@ -26,7 +26,7 @@ from stemwatch.models.signals.signal_pairing import (
     to_and_fro_at_the_end,
 )
 from stemwatch.models.stickslip.best_pairing import Pairing
-from stemwatch.models.stickslip.find_stroke_curve import AGAINST
+from stemwatch.models.stickslip.curve_signs import AGAINST
 from stemwatch.models.stickslip.problem import LONGEST_BRIDGE_SAMPLES, WARM_UP_S, scored_samples
 from stemwatch.models.stickslip.stored_range import may_be_stored_in
 from stemwatch.models.verdict import NoVerdict

@@ -15,7 +15,7 @@ from stemwatch.models.recording import PERCENT, Recording, Role, Signal
 from stemwatch.models.signals.excitation import swing
 from stemwatch.models.signals.percent import not_percent, without_impossible_values
 from stemwatch.models.signals.signal_pairing import correlation, delayed_correlation
-from stemwatch.models.stickslip.find_stroke_curve import (
+from stemwatch.models.stickslip.curve_signs import (
     PLAIN_SLOPE,
     curve_suspected,
     slope_of_means,

@@ -18,12 +18,8 @@ from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening.prepared_command import prepare_command
 from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.models.screening_result import Screening
-from stemwatch.models.stickslip.find_stroke_curve import (
-    curve_suspected,
-    find_stroke_curve,
-    slope_of_means,
-    stroke_curve_of,
-)
+from stemwatch.models.stickslip.curve_signs import curve_suspected, slope_of_means
+from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve, stroke_curve_of
 from stemwatch.models.stickslip.fit import fit_stickslip
 from stemwatch.models.stickslip.stroke_curve import (
     KnownCurve,
