@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import csv
+import io
+import re
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import NoVerdict, Verdict
 from stemwatch.service.maintenance import ValveHistory
+from stemwatch.service.maintenance.work_list import WorkList
+from stemwatch.service.maintenance.work_orders import orders_csv
 from stemwatch.service.presenter.advice import catalogue
 from stemwatch.service.report import ReportContext, ValveFacts
 from stemwatch.service.store.screenings.records import Remark
@@ -100,3 +105,14 @@ def longest() -> tuple[list[Screening], ReportContext, ValveHistory]:
 
 def _long(facts: ValveFacts) -> ValveFacts:
     return replace(facts, description="d " * 300, area="a " * 200)
+
+
+def text_of_pdf(pdf: bytes) -> str:
+    """The ASCII letters of an uncompressed PDF in their order; words of a line in one piece."""
+    parts = re.findall(rb"\((.*?)(?<!\\)\) Tj", pdf)
+    return re.sub(r"\\([()\\])", r"\1", b" ".join(parts).decode("latin-1"))
+
+
+def order_rows(work_list: WorkList) -> list[dict[str, str]]:
+    """The work orders as the CSV has them."""
+    return list(csv.DictReader(io.StringIO(orders_csv(work_list).decode("utf-8-sig"))))

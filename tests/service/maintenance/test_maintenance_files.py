@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import re
 from dataclasses import replace
@@ -21,7 +20,6 @@ from stemwatch.service.maintenance.work_orders import (
     FIELDS,
     LONG_TEXT,
     SHORT_TEXT,
-    orders_csv,
     orders_xlsx,
 )
 from stemwatch.service.whole_files import ReportNotWritten
@@ -32,6 +30,8 @@ from tests.service.maintenance.example_work_list import (
     frozen,
     longest,
     mixed,
+    order_rows,
+    text_of_pdf,
     with_effects,
 )
 from tests.service.report.conftest import screening
@@ -51,16 +51,6 @@ def whole():
 def pages(pdf: bytes) -> int:
     """How many pages a PDF has."""
     return len(re.findall(rb"/Type /Page\b(?!s)", pdf))
-
-
-def text_of(pdf: bytes) -> str:
-    """The ASCII letters of an uncompressed PDF in their order; words of a line in one piece."""
-    return " ".join(part.decode("latin-1") for part in re.findall(rb"\((.*?)\) Tj", pdf))
-
-
-def rows(list_of) -> list[dict[str, str]]:
-    """The work orders as the CSV has them."""
-    return list(csv.DictReader(io.StringIO(orders_csv(list_of).decode("utf-8-sig"))))
 
 
 def test_valves_with_work_have_a_page_in_the_order_of_priority(whole):
@@ -83,7 +73,7 @@ def test_with_all_every_valve_has_a_page_and_only_those_with_work_an_order():
     """Healthy ones come last and say that there is nothing to do."""
     every = list_of(mixed(), everything=True)
     assert len(every.sheets) == len(mixed())
-    assert len(rows(every)) == 5
+    assert len(order_rows(every)) == 5
     assert not every.sheets[-1].has_order
     assert every.sheets[-1].title == "nothing to do" or "verdict" in every.sheets[-1].title
 
@@ -92,7 +82,7 @@ def test_the_pdf_has_a_page_for_each_valve_after_the_list(whole):
     """And its outline leads to them."""
     pdf = work_list_pdf(whole, compress=False)
     assert pages(pdf) == 1 + len(whole.sheets)
-    text = text_of(pdf)
+    text = text_of_pdf(pdf)
     for part in ("FV-100", "Check in this order".upper(), "packing set", "2.8 mm", "Priority"):
         assert part in text
     assert pdf.count(b"/Title") >= len(whole.sheets)
@@ -112,7 +102,7 @@ def test_long_texts_flow_over_several_pages_and_nothing_is_cut():
         height_of(_sheet(TypeSize(SIZES[-1]), sheet, created)) > ROOM for sheet in result.sheets
     )
     pdf = work_list_pdf(result, compress=False)
-    text = text_of(pdf)
+    text = text_of_pdf(pdf)
     assert text.count("Done, parts used") == 2 * len(screenings)
     assert pages(pdf) > 2 * len(screenings)
     assert len(re.findall(r"long\s+reason", text)) == 150 * len(screenings)
@@ -195,7 +185,7 @@ def test_travel_needs_a_stroke():
 
 def test_work_orders_have_the_fields_of_a_notification(whole):
     """The same rows in CSV and XLSX, with texts that fit."""
-    result = rows(whole)
+    result = order_rows(whole)
     assert [row["functional_location"] for row in result][-1]
     for row in result:
         assert 0 < len(row["short_text"]) <= SHORT_TEXT
@@ -221,7 +211,7 @@ def test_work_orders_have_the_fields_of_a_notification(whole):
 
 def test_no_cell_is_a_formula(whole):
     """A tag that begins with = stays a text in both."""
-    tag = next(row for row in rows(whole) if "script" in row["functional_location"])
+    tag = next(row for row in order_rows(whole) if "script" in row["functional_location"])
     assert tag["functional_location"].startswith("'=1+1")
     sheet = openpyxl.load_workbook(io.BytesIO(orders_xlsx(whole)))["Work orders"]
     assert {cell.data_type for row in sheet.iter_rows() for cell in row} <= {"s", "n", "d"}
@@ -230,15 +220,15 @@ def test_no_cell_is_a_formula(whole):
 def test_a_reference_stays_while_the_finding_goes_on():
     """The next run gives the same one; a new beginning, another valve or kind gives another."""
     result = screening("FV-1", samples=60)
-    first = rows(list_of([result]))[0]["reference"]
+    first = order_rows(list_of([result]))[0]["reference"]
     later = replace(
         result, recording=replace(result.recording, start=datetime(2026, 3, 9, tzinfo=UTC))
     )
-    assert rows(list_of([later]))[0]["reference"] == first
+    assert order_rows(list_of([later]))[0]["reference"] == first
     others = [replace(result, valve="FV-2"), with_effects("FV-1")]
-    assert first not in {rows(list_of([other]))[0]["reference"] for other in others}
+    assert first not in {order_rows(list_of([other]))[0]["reference"] for other in others}
     new = work_list_of([result], context([result]), replace(BACKGROUND, earlier=lambda _: []))
-    assert rows(new)[0]["reference"] != first
+    assert order_rows(new)[0]["reference"] != first
 
 
 def test_the_documentation_names_every_column():

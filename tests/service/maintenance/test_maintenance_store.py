@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import re
 from dataclasses import replace
 from datetime import timedelta
 
@@ -23,6 +22,7 @@ from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import open_store
 from tests.service.example_mismatches import named
+from tests.service.maintenance.example_work_list import text_of_pdf
 from tests.service.report.conftest import START, screening
 
 WEEK = timedelta(days=7)
@@ -176,6 +176,6 @@ def test_loops_before_and_after_the_last_work_are_laid_over_each_other(store, we
     for result in ("FV-3", "packing renewed", "S 6.25 → 0.31 %", "the latest one, until", "<svg "):
         assert result in part[: part.index("</section>")]
     paper = work_list_pdf(after.work_list, compress=False)
-    result = b" ".join(re.findall(rb"\((.*?)(?<!\\)\) Tj", paper)).decode("latin-1")
+    result = text_of_pdf(paper)
     for word in ("packing renewed", "before the work", "after it"):
         assert word in result

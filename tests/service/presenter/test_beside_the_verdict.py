@@ -4,18 +4,13 @@ oscillate together, and findings that chance alone may have named."""
 
 from __future__ import annotations
 
-import csv
-import html
-import io
 import json
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import timedelta
 from typing import Any
 
 import httpx
-import openpyxl
 import pytest
 
 from stemwatch.models.limits import Limits
@@ -26,7 +21,6 @@ from stemwatch.service.cli import screening_views as views
 from stemwatch.service.maintenance.maintenance_html import work_list_html
 from stemwatch.service.maintenance.pdf import work_list_pdf
 from stemwatch.service.maintenance.stored import report_of_store
-from stemwatch.service.maintenance.work_orders import orders_csv
 from stemwatch.service.presenter import oscillation_words
 from stemwatch.service.presenter.finding import NAMED_BY_CHANCE, present
 from stemwatch.service.presenter.suspicion_words import suspected_sentence, worth_a_test_sentence
@@ -37,8 +31,20 @@ from stemwatch.service.run.engine import in_brief
 from stemwatch.service.run.finish import hold_back
 from stemwatch.service.store.store import open_store
 from stemwatch.service.web.site import Site
-from tests.service.maintenance.example_work_list import context, with_effects
-from tests.service.presenter.every_kind import NO_POSITION, by_chance
+from tests.service.maintenance.example_work_list import (
+    context,
+    order_rows,
+    text_of_pdf,
+    with_effects,
+)
+from tests.service.presenter.every_kind import (
+    NO_POSITION,
+    bare,
+    by_chance,
+    csv_rows,
+    page_text,
+    workbook_rows,
+)
 from tests.service.report.conftest import START, screening
 from tests.service.report.test_without_position import suspected
 from tests.service.web import example_plant
@@ -49,16 +55,6 @@ DAY = timedelta(days=1)
 # What the recording of an oscillating loop with a healthy valve says by itself.
 OWN_TUNING = "Look for the cause in the controller's tuning or in a disturbance upstream."
 DAYS = 20  # of history, over which S of one valve rises
-
-
-def bare(text: str) -> str:
-    """Without blanks, line breaks and what stands for an unprintable letter."""
-    return re.sub(r"[\s\N{NO-BREAK SPACE}\ufffd]+", "", html.unescape(text))
-
-
-def page_text(page: str) -> str:
-    """What a reader of a page sees."""
-    return bare(re.sub(r"<script.*?</script>|<style.*?</style>|<[^>]+>", " ", page, flags=re.S))
 
 
 def on_day(found: Screening, day: int) -> Screening:
@@ -159,25 +155,21 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Outputs:
             lines = client.get("/api/v1/valves").json()["valves"]
             groups = client.get("/api/v1/oscillations").json()
             overview = client.get("/overview").text
-    parts = re.findall(rb"\((.*?)(?<!\\)\) Tj", work_list_pdf(book, compress=False))
-    written = csv.DictReader(io.StringIO(files.csv.read_text("utf-8-sig")))
-    header, *cells = openpyxl.load_workbook(files.xlsx)["Ranking"].iter_rows(values_only=True)
-    rows = [dict(zip(map(str, header), row, strict=True)) for row in cells]
-    orders = csv.DictReader(io.StringIO(orders_csv(book).decode("utf-8-sig")))
+    tables = csv_rows(files.csv), workbook_rows(files.xlsx)
     return Outputs(
         ranking=rank_valves(every, made),
         report=page_text(files.html.read_text("utf-8")),
         maintenance=page_text(work_list_html(book).decode()),
-        paper=bare(re.sub(r"\\([()\\])", r"\1", b" ".join(parts).decode("latin-1"))),
+        paper=bare(text_of_pdf(work_list_pdf(book, compress=False))),
         terminal=bare(
             str(views.summary(rank_valves([in_brief(one) for one in every], made)).caption)
         ),
         overview=page_text(overview),
         pages={valve: page_text(page) for valve, page in pages.items()},
-        tables=tuple({str(row["valve"]): row for row in table} for table in (list(written), rows)),
+        tables=tuple({str(row["valve"]): row for row in table} for table in tables),
         objects={one["valve"]: one for one in json.loads(files.json.read_text("utf-8"))},
         lines={one["valve"]: one for one in lines},
-        orders={row["functional_location"]: row for row in orders},
+        orders={row["functional_location"]: row for row in order_rows(book)},
         groups=groups,
     )
 

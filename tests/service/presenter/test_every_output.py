@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import html
 import io
 import json
-import re
 from datetime import timedelta
 
 import openpyxl
@@ -25,20 +22,22 @@ from stemwatch.service.explain.explain_recording import Explained
 from stemwatch.service.maintenance.maintenance_html import work_list_html
 from stemwatch.service.maintenance.pdf import work_list_pdf
 from stemwatch.service.maintenance.work_list import WorkList, work_list_of
-from stemwatch.service.maintenance.work_orders import orders_csv
 from stemwatch.service.presenter.evidence_of_weeks import evidence_of_weeks
 from stemwatch.service.report import ReportContext, write_report
 from stemwatch.service.report.ranking import Ranking, rank_valves
 from stemwatch.service.store.alerts.alerts import AlertKind, StoredAlert
 from stemwatch.service.store.screenings.records import JudgedScreening, StoredValve
-from tests.service.maintenance.example_work_list import context, frozen, mixed, with_effects
+from tests.service.maintenance.example_work_list import (
+    context,
+    frozen,
+    mixed,
+    order_rows,
+    text_of_pdf,
+    with_effects,
+)
+from tests.service.presenter.every_kind import bare, csv_rows, page_text
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*:DeprecationWarning:openpyxl")
-
-
-def bare(text: str) -> str:
-    """A text without blanks, line breaks and what stands for an unprintable letter."""
-    return re.sub(r"[\s\N{NO-BREAK SPACE}\ufffd]+", "", html.unescape(text))
 
 
 class Outputs:
@@ -48,17 +47,13 @@ class Outputs:
         files = write_report(screenings, made, folder)
         self.ranking: Ranking = rank_valves(screenings, made)
         self.work_list: WorkList = work_list_of(screenings, made)
-        self.report = bare(re.sub(r"<[^>]+>", "", files.html.read_text("utf-8")))
-        self.maintenance = bare(re.sub(r"<[^>]+>", "", work_list_html(self.work_list).decode()))
-        pdf = work_list_pdf(self.work_list, compress=False)
-        parts = re.findall(rb"\((.*?)(?<!\\)\) Tj", pdf)
-        self.pdf = bare(re.sub(r"\\([()\\])", r"\1", b" ".join(parts).decode("latin-1")))
-        rows = csv.DictReader(io.StringIO(files.csv.read_text("utf-8-sig")))
-        self.rows = {row["valve"]: row for row in rows}
+        self.report = page_text(files.html.read_text("utf-8"))
+        self.maintenance = page_text(work_list_html(self.work_list).decode())
+        self.pdf = bare(text_of_pdf(work_list_pdf(self.work_list, compress=False)))
+        self.rows = {row["valve"]: row for row in csv_rows(files.csv)}
         objects = json.loads(files.json.read_text("utf-8"))
         self.objects = {object["valve"]: object for object in objects}
-        orders = csv.DictReader(io.StringIO(orders_csv(self.work_list).decode("utf-8-sig")))
-        self.orders = {row["functional_location"]: row for row in orders}
+        self.orders = {row["functional_location"]: row for row in order_rows(self.work_list)}
         sheet = openpyxl.load_workbook(files.xlsx)["Read me"]
         self.read_me = bare(" ".join(str(cell.value) for row in sheet for cell in row))
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,11 +12,10 @@ from stemwatch.models.mismatch.open_question import OpenQuestion
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.cli import screening_views as views
 from stemwatch.service.maintenance.work_list import work_list_of
-from stemwatch.service.maintenance.work_orders import orders_csv
 from stemwatch.service.presenter.suspicion_words import SUSPECTED_NOTE
 from stemwatch.service.report import write_report
 from stemwatch.service.report.ranking import rank_valves
-from tests.service.maintenance.example_work_list import context, frozen, mixed
+from tests.service.maintenance.example_work_list import context, frozen, mixed, order_rows
 from tests.service.presenter.every_kind import (
     NO_POSITION,
     SHORT,
@@ -56,7 +53,7 @@ def test_suspected_loops_and_those_without_a_sign_are_told_alike_everywhere(
     suspicious, dumb = (one.steps[0].text for one in listed.to_work_on)
     assert suspicious == "Do a bump test."
     assert dumb != suspicious
-    orders = csv.DictReader(io.StringIO(orders_csv(listed).decode("utf-8-sig")))
+    orders = order_rows(listed)
     assert [row["short_text"] for row in orders] == [SUSPECTED_NOTE, "no position feedback"]
     told = [Text.from_markup(line).plain for line in views.undetermined_lines(every)]
     assert [line.partition("  ")[0] for line in told] == [

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import html
-import io
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,7 +16,6 @@ from stemwatch.service.alerts.digest import message_of
 from stemwatch.service.maintenance.maintenance_html import work_list_html
 from stemwatch.service.maintenance.pdf import work_list_pdf
 from stemwatch.service.maintenance.stored import report_of_store
-from stemwatch.service.maintenance.work_orders import orders_csv
 from stemwatch.service.presenter.finding import present
 from stemwatch.service.presenter.suspicion_words import next_steps
 from stemwatch.service.report.ranking import rank_valves
@@ -27,7 +24,7 @@ from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Rais
 from stemwatch.service.store.screenings.ranking import RankingFilter
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import open_store
-from tests.service.maintenance.example_work_list import context
+from tests.service.maintenance.example_work_list import context, order_rows, text_of_pdf
 from tests.service.presenter.every_kind import (
     NO_POSITION,
     blind,
@@ -48,12 +45,11 @@ def test_maintenance_alerts_and_mail_have_the_order_of_the_ranking(tmp_path) -> 
         run = save_run(store)
         book = report_of_store(store, tmp_path / "out", run=run, all_valves=True).work_list
         assert [sheet.screening.valve for sheet in book.sheets] == order
-        parts = re.findall(rb"\((.*?)(?<!\\)\) Tj", work_list_pdf(book, compress=False))
-        paper = "".join(part.decode("latin-1") for part in parts)
+        paper = text_of_pdf(work_list_pdf(book, compress=False))
         screen = html.unescape(re.sub(r"<[^>]+>", " ", work_list_html(book).decode()))
         assert tags_in(paper, order) == tags_in(screen, order) == order
 
-        rows = list(csv.DictReader(io.StringIO(orders_csv(book).decode("utf-8-sig"))))
+        rows = order_rows(book)
         ordered = [row["functional_location"] for row in rows]
         assert ordered == [valve for valve in order if valve in ordered]
         priorities = [int(row["priority"]) for row in rows]

@@ -26,7 +26,6 @@ from stemwatch.service.maintenance.maintenance_html import work_list_html
 from stemwatch.service.maintenance.pdf import work_list_pdf
 from stemwatch.service.maintenance.stored import report_of_store
 from stemwatch.service.maintenance.work_list import WorkList
-from stemwatch.service.maintenance.work_orders import orders_csv
 from stemwatch.service.presenter.finding import why_no_work
 from stemwatch.service.presenter.wording import figure
 from stemwatch.service.report import write_report
@@ -35,6 +34,7 @@ from stemwatch.service.store.alerts.alerts import RaisedAlert, StoredAlert
 from stemwatch.service.store.screenings.feedback import Judgement
 from stemwatch.service.store.store import Store, open_store
 from stemwatch.service.web.site import Site
+from tests.service.maintenance.example_work_list import order_rows, text_of_pdf
 from tests.service.presenter.every_kind import (
     bare,
     brief_ranking,
@@ -137,8 +137,6 @@ def told(
     valves = [valve.screening.valve for valve in ranking]
     articles = (files / "report.html").read_text("utf-8").split("<article")[1:]
     book = work_list
-    parts = re.findall(rb"\((.*?)(?<!\\)\) Tj", work_list_pdf(book, compress=False))
-    orders = csv.DictReader(io.StringIO(orders_csv(book).decode("utf-8-sig")))
     (folder / "plant.toml").write_text("[alerts]\nraise_after_runs = 1\nof_runs = 1\n")
     records = gathered(store, plant := load_plant(folder / "plant.toml"), valves)
     raised = [one for record in records for one in apply_rules(record, plant.alerts)[0]]
@@ -152,9 +150,9 @@ def told(
             valve.screening.valve: Text.from_markup(views.verdict_line(valve.screening)).plain
             for valve in ranking
         },
-        orders={row["functional_location"]: row for row in orders},
+        orders={row["functional_location"]: row for row in order_rows(book)},
         maintenance=page_text(work_list_html(book).decode()),
-        paper=bare(re.sub(r"\\([()\\])", r"\1", b" ".join(parts).decode("latin-1"))),
+        paper=bare(text_of_pdf(work_list_pdf(book, compress=False))),
         mails={one.valve: message_of([_kept(one)], "plant", run) for one in raised if one.valve},
     )
 
