@@ -11,6 +11,7 @@ from pathlib import Path
 from stemwatch.connectors.connector import ConnectorError, Window
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import PreviousFinding, Screening
+from stemwatch.models.words import counted
 from stemwatch.service.config import Plant
 from stemwatch.service.config.in_force import limits_in_force
 from stemwatch.service.maintenance.valve_history import LOOK_BACK, ValveHistory
@@ -144,7 +145,7 @@ def report_of_store(
         origin = "the store" if run is None else f"run {run}"
         raise StoreError(
             f"{store.address}: {origin} has no screening of {', '.join(map(repr, unknown))}; "
-            f"it has {len(valves_of_run)} valves, such as "
+            f"it has {counted(len(valves_of_run), 'valve')}, such as "
             f"{', '.join(sorted(valves_of_run)[:5]) or 'none'}"
         )
     if part:

@@ -15,6 +15,7 @@ from datetime import timedelta
 from pathlib import Path
 
 from stemwatch.connectors.connector import Window
+from stemwatch.models.words import counted
 from stemwatch.service.config import Plant
 from stemwatch.service.config.in_force import limits_in_force
 from stemwatch.service.executors import Executor, ExecutorUnavailable, choose_executor
@@ -82,7 +83,9 @@ class QueueWorker:
         stored = self._store.queue.claim(self.owner, silent_after=self._silent_after)
         if stored is None:
             return False
-        progress = f" ({stored.done} valves are done)" if stored.done else ""
+        progress = (
+            f" ({counted(stored.done, 'valve is', 'valves are')} done)" if stored.done else ""
+        )
         log.info("run %d begins%s", stored.id, progress, extra={"run": stored.id})
         halt = threading.Event()
         heart = _Heartbeat(self._store, stored.id, self.owner, halt, self._heartbeat_s)

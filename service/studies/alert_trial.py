@@ -22,6 +22,7 @@ from stemwatch.connectors.connector import ConnectorError
 from stemwatch.models.history.trend_over_weeks import DAYS_A_MONTH
 from stemwatch.models.recording import Floats, Role
 from stemwatch.models.studies.simulator.valve_life import HEALTHY, ValveLife, draw_lives
+from stemwatch.models.words import counted
 from stemwatch.service.config import load_plant
 from stemwatch.service.executors import Executor, map_in_order
 from stemwatch.service.run.queue_worker import QueueWorker
@@ -148,7 +149,7 @@ class Played:
         kinds = ", ".join(f"{kind} {count}" for kind, count in self.false_by_kind().items())
         rate = 100.0 * false / months if months else 0.0
         sentences = [
-            f"{false} alerts without a cause in {months:.1f} healthy valve-months"
+            f"{counted(false, 'alert')} without a cause in {months:.1f} healthy valve-months"
             f"{f' ({kinds})' if kinds else ''}: {rate:.1f} in 100"
         ]
         delays = list(self.delays().values())
@@ -174,7 +175,7 @@ class Played:
         if total:
             sentences.append(
                 f"{closed} of {total} alerts about repaired valves closed by themselves, after "
-                f"{days} days at most"
+                f"{counted(days, 'day')} at most"
             )
         return sentences
 

@@ -155,7 +155,7 @@ def test_check_finds_orphans(stemwatch, site: str) -> None:
         connection.commit()
     outcome = stemwatch("db", "check", "--db", site)
     assert outcome.status == 1
-    assert "samples.tag_id names 1 rows of tags that are not there" in outcome.said
+    assert "samples.tag_id names 1 row of tags that is not there" in outcome.said
 
 
 def test_a_backup_is_restored(stemwatch, site: str, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from datetime import UTC, datetime
 
 from sqlalchemy import Connection, inspect, text
 
+from stemwatch.models.words import counted
 from stemwatch.service.store.administration.backup import disposing, one_instant
 from stemwatch.service.store.administration.row_batches import count_rows
 from stemwatch.service.store.administration.schema import (
@@ -129,7 +130,8 @@ def _orphans(connection: Connection, schema: DatabaseSchema) -> Iterator[str]:
         ).scalar_one()
         if count:
             yield (
-                f"{link.table}.{column} names {count} rows of {link.parent} that are not there; "
+                f"{link.table}.{column} names {counted(count, 'row')} of {link.parent} that "
+                f"{'is' if count == 1 else 'are'} not there; "
                 "restore a backup, or ask for help with this sentence"
             )
 

@@ -144,7 +144,7 @@ def test_check_tells_a_sound_database_from_a_broken_one(
         connection.execute(text("DROP VIEW stemwatch_samples_v1"))
     broken = stemwatch("db", "check", "--db", url)
     assert broken.status == 1
-    assert "samples.tag_id names 1 rows of tags that are not there" in broken.said
+    assert "samples.tag_id names 1 row of tags that is not there" in broken.said
     assert "runs: the next number, after 1, is taken (up to 2)" in broken.said
     assert "views are missing: stemwatch_samples_v1" in broken.said
 
