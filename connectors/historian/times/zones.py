@@ -147,18 +147,19 @@ def _shift(
     notes: ReadingNotes,
 ) -> Bools:
     """Which rows are placed, with those of the skipped hour moved."""
-    n, skipped = int(missing.sum()), f"in the hour that spring skips in {zone}"
+    n = int(missing.sum())
     if policy == "leave_out":
-        notes.decide(f"{_rows(n, skipped, 'left out')}, as said.")
+        left_out = _rows(n, f"in the hour that spring skips in {zone}", "left out")
+        notes.decide(f"{left_out}, as said.")
         return is_placed
     import pandas as pd
 
     moved = pd.DatetimeIndex((local[missing] + _HOUR_NS).astype("datetime64[ns]"))
     local[missing] = _ns(moved.tz_localize(zone, ambiguous=True, nonexistent="shift_forward"))
     notes.decide(
-        f"{counted(n, 'row has a time', 'rows have times')} {skipped}, shifted forward by an hour. "
-        "If the source keeps standard time all year, give its fixed zone instead, such as "
-        "'Etc/GMT-1' for one hour east."
+        f"{n} rows have times in the hour that spring skips in {zone}; they were shifted forward "
+        "by an hour. If the source keeps standard time all year, give its fixed zone instead, "
+        "such as 'Etc/GMT-1' for one hour east."
     )
     return is_placed | missing
 
