@@ -1,4 +1,4 @@
-"""Shares and counts as text for sentences."""
+"""Shares, counts and capitals for sentences."""
 
 from __future__ import annotations
 
@@ -20,6 +20,11 @@ def listed(names: Sequence[str], most: int) -> str:
     """The first ``most`` of ``names``, and how many more there are: "A, B and 3 more"."""
     and_more = f" and {len(names) - most} more" if len(names) > most else ""
     return f"{', '.join(names[:most])}{and_more}"
+
+
+def capitalised(text: str) -> str:
+    """``text`` as the beginning of a sentence: names of tags within it stay as they are."""
+    return f"{text[:1].upper()}{text[1:]}"
 
 
 def times(count: int) -> str:

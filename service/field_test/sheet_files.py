@@ -10,6 +10,7 @@ from typing import Any
 
 from markupsafe import Markup
 
+from stemwatch.models.words import capitalised
 from stemwatch.service.field_test.picture import picture_of_result, picture_of_test
 from stemwatch.service.field_test.result_in_words import TestResult
 from stemwatch.service.field_test.sheet import RivalOutcome, TestSheet, clock
@@ -45,15 +46,10 @@ def page_values(sheet: TestSheet) -> dict[str, Any]:
     }
 
 
-def first_letter_large(text: str) -> str:
-    """``text`` as the beginning of a sentence."""
-    return text[:1].upper() + text[1:]
-
-
 def outcome_sentence(outcome: RivalOutcome) -> str:
     """An outcome in one line."""
     first = f" First: {outcome.then}" if outcome.then else ""
-    return f"{first_letter_large(outcome.name)}: {outcome.means}.{first}"
+    return f"{capitalised(outcome.name)}: {outcome.means}.{first}"
 
 
 def html_of(sheet: TestSheet, context: ReportContext) -> bytes:

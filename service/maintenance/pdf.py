@@ -26,6 +26,7 @@ from reportlab.platypus import (
 )
 
 from stemwatch.models.verdict import Verdict
+from stemwatch.models.words import capitalised
 from stemwatch.service.maintenance.paper import (
     BARE,
     FOOT,
@@ -376,8 +377,7 @@ def _hand(t: TypeSize, sheet: WorkSheet) -> list[Any]:
 
 def _doubt(t: TypeSize, sheet: WorkSheet) -> list[Any]:
     doubts = " ".join(sheet.finding.otherwise) or "Nothing that this recording would show."
-    why = sheet.priority.reason
-    reason = t.text(f"{why[:1].upper()}{why[1:]}.")
+    reason = t.text(f"{capitalised(sheet.priority.reason)}.")
     return [
         *[t.heading("What else it could be"), t.text(doubts)],
         *[t.heading("Why this priority"), reason],

@@ -19,6 +19,7 @@ from stemwatch.models.history.evidence_over_windows import (
 )
 from stemwatch.models.history.trend_over_weeks import TrendOverWeeks, trend_of_size
 from stemwatch.models.mismatch.findings import Mismatch, Stiction
+from stemwatch.models.words import capitalised
 from stemwatch.service.presenter.physics_words import effect_name, parameter_name
 from stemwatch.service.presenter.wording import interval, span_percent
 
@@ -166,8 +167,8 @@ def evidence_of_weeks(windows: Iterable[WindowEvidence]) -> EvidenceOfWeeks | No
 
 def finding_sentence(finding: LastingFinding, zone: tzinfo = UTC) -> str:
     """One finding in a sentence: since when, and how sure."""
-    name = effect_name(finding.slug)
-    text = f"{name[0].upper()}{name[1:]}: first seen on {_day(finding.first_seen, zone)}"
+    name = capitalised(effect_name(finding.slug))
+    text = f"{name}: first seen on {_day(finding.first_seen, zone)}"
     if finding.state is FindingState.FIRST_SEEN:
         if finding.of == 1:
             return f"{text}, in the only window that counts so far; another one must confirm it."
@@ -187,13 +188,14 @@ def finding_sentence(finding: LastingFinding, zone: tzinfo = UTC) -> str:
 
 def _within_recording(finding: LastingFinding, by_whole: bool) -> str:
     """One finding of a recording that was explained as several windows, and ``by_whole`` as one."""
-    name = effect_name(finding.slug)
+    name = capitalised(effect_name(finding.slug))
     if by_whole:
+        name_it = "names it" if finding.named == 1 else "name it"
         return (
-            f"{name[0].upper()}{name[1:]}: named in the recording as a whole, and confirmed by "
-            f"what {finding.of} windows of it gain together, {finding.named} of which name it."
+            f"{name}: named in the recording as a whole, and confirmed by what {finding.of} "
+            f"windows of it gain together, {finding.named} of which {name_it}."
         )
-    sentence = f"{name[0].upper()}{name[1:]}: named in {finding.named} of {finding.of} windows"
+    sentence = f"{name}: named in {finding.named} of {finding.of} windows"
     if finding.state is FindingState.FIRST_SEEN:
         return f"{sentence} of the recording, which the others do not confirm."
     if finding.state is FindingState.GONE:

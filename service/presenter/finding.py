@@ -15,7 +15,7 @@ from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.models.words import listed
+from stemwatch.models.words import capitalised, listed
 from stemwatch.service.presenter.advice import advice_for, effect_test, term_words
 from stemwatch.service.presenter.beside_friction import beside_friction, without_them
 from stemwatch.service.presenter.oscillation_words import where_to_look
@@ -225,10 +225,10 @@ def _found_sentences(
 
 def confirmed_by_others(slugs: Sequence[str]) -> str:
     """That the windows of weeks confirm the effects ``slugs``, which this one does not name."""
-    names = effect_names(slugs)
+    them = "it" if len(slugs) == 1 else "them"
     return (
-        f"{names[:1].upper()}{names[1:]}: confirmed by the windows of the last weeks; this one "
-        "alone does not name it."
+        f"{capitalised(effect_names(slugs))}: confirmed by the windows of the last weeks; this one "
+        f"alone does not name {them}."
     )
 
 
@@ -242,17 +242,13 @@ def why_no_work(effects: Sequence[Effect]) -> str:
         if effect_words is not None and effect_words.no_work
     }
     as_built = [effect.slug for effect in effects if effect.slug not in small]
-    sentences = [f"{_capital(effect_name(slug))} is {reason}." for slug, reason in small.items()]
+    sentences = [f"{capitalised(effect_name(slug))} is {reason}." for slug, reason in small.items()]
     if as_built:
         is_single = len(as_built) == 1
         belongs, none = ("belongs", "is no defect") if is_single else ("belong", "are no defects")
-        names = _capital(effect_names(as_built))
+        names = capitalised(effect_names(as_built))
         sentences.insert(0, f"{names} {belongs} to such a machine and {none}.")
     return " ".join(sentences)
-
-
-def _capital(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}"
 
 
 def field_test(screening: Screening) -> str:

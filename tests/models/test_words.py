@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from stemwatch.models.words import counted, listed
+from stemwatch.models.words import capitalised, counted, listed
 
 
 def test_one_of_a_thing_is_not_said_in_the_plural() -> None:
@@ -17,3 +17,9 @@ def test_a_long_list_says_how_many_more_there_are() -> None:
     assert listed(["A", "B", "C"], 3) == "A, B, C"
     assert listed(["A", "B", "C"], 2) == "A, B and 1 more"
     assert listed([], 2) == ""
+
+
+def test_a_sentence_may_begin_with_any_name() -> None:
+    """What is large within it stays so."""
+    assert capitalised("lag of MV") == "Lag of MV"
+    assert capitalised("") == ""

@@ -19,6 +19,7 @@ from stemwatch.models.mismatch.evidence.effect_signature import (
 )
 from stemwatch.models.mismatch.findings import Effect, Mismatch, Stiction
 from stemwatch.models.recording import Floats, Recording
+from stemwatch.models.words import capitalised
 from stemwatch.service.presenter.physics_words import effect_name
 from stemwatch.service.presenter.wording import finite, span_percent
 from stemwatch.service.report.charts.loop_shapes import BAND, stick_band
@@ -123,7 +124,7 @@ def _loops(
             height=300,
         )
         yield Picture(
-            title=f"{seen.position[:1].upper()}{seen.position[1:]} against OP: {name}",
+            title=f"{capitalised(seen.position)} against OP: {name}",
             plot=plot,
             caption=(
                 f"A typical stretch; one percent is as long along both axes. {_sizes(stiction)}"

@@ -13,6 +13,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.history.evidence_over_windows import WindowEvidence
 from stemwatch.models.mismatch.findings import EffectScore
 from stemwatch.service.presenter.evidence_of_weeks import evidence_of_weeks
+from stemwatch.service.presenter.finding import confirmed_by_others
 from stemwatch.service.report.evidence_by_window import evidence_picture
 
 BEGIN = datetime(2026, 11, 2, 23, 30, tzinfo=UTC)
@@ -45,6 +46,13 @@ def playing(day, size, name="b"):
     plain = window(day, None)
     play = {("lost_motion", name): Estimate(value=size, unit="%")}
     return replace(plain, named=(("lost_motion",),), sizes=play)
+
+
+def test_a_window_that_names_none_of_two_does_not_name_them():
+    """Of one effect it is one."""
+    assert confirmed_by_others([SLUG]).startswith("Flow force: confirmed by the windows")
+    assert confirmed_by_others([SLUG]).endswith("this one alone does not name it.")
+    assert confirmed_by_others([SLUG, "dead_time"]).endswith("does not name them.")
 
 
 def test_a_confirmed_effect_says_how_its_size_goes():
