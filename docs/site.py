@@ -1,4 +1,4 @@
-"""The docs as a site (``make docs``): the README first, pages in the order of its table, and links
+"""The docs as a site (``make docs``): the README first, pages in the order of its list, and links
 that leave ``docs/`` in the repository led to copies beside the pages."""
 
 from __future__ import annotations
@@ -20,15 +20,20 @@ BESIDE = {
     "deploy/prometheus/stemwatch.rules.yml": "stemwatch.rules.yml",
 }
 LINK = re.compile(r"\[(?P<words>[^\]\n]*)\]\((?P<target>[^)\s#:]+)(?P<heading>#[^)\s]*)?\)")
-ROW = re.compile(r"^\| \[docs/([a-z-]+\.md)\]\(docs/\1\) \|", re.MULTILINE)
+LISTED = re.compile(r"\]\(docs/([a-z-]+\.md)\)")
 
 
 def on_config(config: Any) -> Any:
     """The order of the pages; each has its heading as its name."""
-    readme = (ROOT / "README.md").read_text("utf-8")
-    config.nav = ["index.md", *ROW.findall(readme), "deploy.md", "CONTRIBUTING.md", "CHANGELOG.md"]
+    config.nav = ["index.md", *listed(), "deploy.md", "CONTRIBUTING.md", "CHANGELOG.md"]
     config.mdx_configs["toc"] = {"slugify": _anchor, "permalink": False}
     return config
+
+
+def listed() -> list[str]:
+    """The pages of docs/ as the README's section "Read on" lists them."""
+    readme = (ROOT / "README.md").read_text("utf-8")
+    return LISTED.findall(readme.split("\n## Read on\n")[1])
 
 
 def on_files(files: Any, *, config: Any) -> Any:

@@ -33,11 +33,9 @@ CANONICAL = KernelModel(
         "d (u[k] - u[k-1]) <= 0."
     ),
     limits=(
-        "One repeated input sample stops the stem, which then needs a further J (defect A3): "
-        "a coarsely recorded command looks like sticking.",
-        "It depends on the sampling interval through such repeats (A10).",
-        "J above S is allowed and describes an overshoot that no Coulomb friction can produce "
-        "(A5).",
+        "One repeated input sample stops the stem, which then needs a further J: a coarsely "
+        "recorded command looks like sticking (A3, A10).",
+        "J above S is an overshoot that no Coulomb friction can produce (A5).",
         "A first position further from the command than fs is moved to the edge of that band.",
     ),
     run=_run,

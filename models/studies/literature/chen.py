@@ -51,10 +51,8 @@ CHEN_TREE = KernelModel(
         "|u - y| > fs; either then follows y = u - d fd."
     ),
     limits=(
-        "For fd >= 0 this reconstruction is identical to the canonical element.",
         "Li et al. (2015) state that the original mishandles instantaneous commands on reverse "
-        "motion (from their abstract); this reconstruction does not show that fault and so "
-        "probably differs from the original.",
+        "motion (from their abstract); this reconstruction does not, and so probably differs.",
     ),
     run=_run,
     relation=not_above_breakaway,

@@ -65,16 +65,13 @@ _FLOW = (
     "reversal, and then follows y = x - v (S - J)/2. "
 )
 _SHARED_LIMITS = (
-    "The thresholds use |x - xss| without its direction: a stem that stuck on the way up, dithers "
-    "down and goes up again is asked for S where the physics asks for J (A2).",
-    "One repeated input sample makes a stop that did not happen, and a staircase (A3); so the "
-    "result depends on the sampling interval (A10).",
-    "The offset takes the sign of the input's step: with noise the jump can land on the wrong "
-    "side, an error of S - J (A4).",
-    "J above S is allowed and gives an overshoot that no friction can produce (A5).",
-    "The first position, xss and the kind of stop are not specified, so that nothing before the "
-    "first full slip counts (A6).",
-    "At 0 and 100 % the stem is put where the command is, although friction would hold it (A7).",
+    "Thresholds without direction: a stem that stuck on the way up, dips and goes up again is "
+    "asked for S, where the physics asks for J (A2).",
+    "One repeated input sample makes a stop that did not happen, and a staircase (A3, A10).",
+    "With noise the jump can land on the wrong side, an error of S - J (A4).",
+    "J above S is an overshoot that no friction can produce (A5).",
+    "Nothing before the first full slip counts (A6).",
+    "At 0 and 100 % the stem is put where the command is (A7).",
 )
 
 CHOUDHURY_TEXT = KernelModel(
@@ -91,8 +88,8 @@ CHOUDHURY_AS_DRAWN = KernelModel(
     parameters=(band(), jump()),
     text=_FLOW + "xss is overwritten at every change of v, also while the valve is stuck.",
     limits=(
-        "xss is overwritten while the valve is stuck, so that noise on the input sets the "
-        "accumulated force back to zero again and again: not to be used on plant data (A1).",
+        "Noise on the input sets the accumulated force back again and again: not for plant data "
+        "(A1).",
         *_SHARED_LIMITS,
     ),
     run=_simulate,

@@ -45,8 +45,7 @@ HE2 = KernelModel(
     ),
     limits=(
         "The stem sticks again at every sample: a ramp becomes a staircase with steps of at least "
-        "J, whose size depends on the sampling interval. It is the canonical element with "
-        "'always re-stick'.",
+        "J, whose size depends on the sampling interval.",
         "Said to fail ramp and step tests in the style of ISA-75.25 (from memory).",
     ),
     run=_run_he2,
@@ -91,7 +90,7 @@ HE3 = KernelModel(
         "e = u - y; elsewhere it stays."
     ),
     limits=(
-        "With K = 1 it is he2 and shares its limits.",
+        "Those of he2.",
         "That K of about 1.99 is an undamped spring is quoted from memory.",
     ),
     run=_run_he3,

@@ -63,8 +63,8 @@ KANO = KernelModel(
         "input's, so that stochastic inputs are handled like deterministic ones."
     ),
     limits=(
-        "It is the canonical element and shares its limits: a repeated input sample stops the "
-        "stem (A3, A10), J above S has no friction behind it (A5).",
+        "Those of canonical: a repeated input sample stops the stem (A3, A10), J above S has no "
+        "friction behind it (A5).",
         "Some published code stops the stem on a change of the input's own direction instead; "
         "this does not.",
     ),
@@ -84,12 +84,11 @@ KANO_ASYMMETRIC = KernelModel(
         "the offset while the stem moves is (S_up - J_up)/2 or (S_down - J_down)/2."
     ),
     limits=(
-        "Friction levels that are larger by the same amount upward and smaller by it downward do "
-        "not show as different S at all: they are a shift of the command, which "
-        "the free zero of a fit takes up.",
+        "Friction that is larger upward by as much as it is smaller downward is a shift of the "
+        "command, which the free zero of a fit takes up.",
         "A force balance needs S_up - J_up = S_down - J_down; other choices have no friction "
         "behind them.",
-        "Shares the limits of kano.",
+        "Those of kano.",
     ),
     run=_asymmetric,
 )

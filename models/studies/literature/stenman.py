@@ -43,9 +43,8 @@ STENMAN = KernelModel(
     ),
     text="y[k] = y[k-1] where |u[k] - y[k-1]| <= d, else y[k] = u[k].",
     limits=(
-        "There is no kinetic friction: after each jump the stem is exactly where the command is. "
-        "It is he2 with fs = d and fd = 0.",
-        "It cannot describe a dead band.",
+        "There is no kinetic friction, and no dead band: after each jump the stem is exactly where "
+        "the command is.",
     ),
     run=_run,
 )

@@ -47,9 +47,8 @@ XCH = KernelModel(
         "d (u - y) > fd; a resting one lets go when |u - y| > fs."
     ),
     limits=(
-        "This reconstruction is identical to the canonical element on every signal tried; "
-        "the original may differ.",
-        "Shares the canonical element's weakness for repeated samples (A3).",
+        "The original may differ: this reconstruction is the canonical element on every signal "
+        "tried, with its weakness for repeated samples (A3).",
     ),
     run=_run,
     relation=not_above_breakaway,

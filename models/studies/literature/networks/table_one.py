@@ -17,8 +17,7 @@ SOURCE = (
     "and training are ours, because the paper gives none."
 )
 SHARED_LIMITS = (
-    "Which row of Table 1 is used hangs on the fitted S and J; near a border of two shapes, "
-    "another record of the same valve can be given another network.",
+    "Near a border of two shapes, another record of the same valve can be given another network.",
     "What lies outside the training part's range is extrapolated, and where the last layer is a "
     "log sigmoid, held within 1.25 half ranges of its middle.",
     "A long record is thinned: at most 1,500 samples, in pieces spread evenly over it, are "
@@ -112,8 +111,7 @@ FEEDFORWARD_PAPER = TableOne(
     recurrent=False,
     text="y(t) = f3(W3 f2(W2 f1(W1 u(t) + b1) + b2) + b3)",
     own_limits=(
-        "A static map of the command: it has no memory, so it draws one line through the loop, "
-        "and neither dead band nor stick can be in it.",
+        "Without memory it draws one line through the loop, with neither dead band nor stick.",
     ),
 )
 NARX_PAPER = TableOne(
@@ -122,7 +120,7 @@ NARX_PAPER = TableOne(
     text="y(t) = f3(W3 f2(W2 f1(W1 [u(t-1), u(t-2), y(t-1), y(t-2)] + b1) + b2) + b3)",
     own_limits=(
         "Fed its own output it can diverge or drift; for no offset all three layers are linear, "
-        "so that the network is a linear filter and cannot stick.",
+        "and the network cannot stick.",
         "It does not see the command at the same sample, as in the paper's equation (1).",
     ),
 )

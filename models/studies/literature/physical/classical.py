@@ -38,8 +38,8 @@ def classical(
             "Fe = Sa P - k x - Finit."
         ),
         limits=(
-            "The test v == 0 needs the instant at which the stem comes to rest; it is searched "
-            "for here, a solver of fixed step would never meet it.",
+            "The instant at which the stem comes to rest is searched for; a solver of fixed step "
+            "would never meet v == 0.",
             "With Fs = Fc a stem whose command stands still creeps towards its place without ever "
             "coming to rest.",
             *PHYSICAL_LIMITS,

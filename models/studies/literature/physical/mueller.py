@@ -23,12 +23,10 @@ from stemwatch.models.studies.literature.physical.shared_parameters import (
 
 _SOURCE = (
     "After Mueller, Simulation of an air operated sticky flow control valve, Summer Computer "
-    "Simulation Conference (1994) 742-745. From that source: its existence and its title, as "
-    "reference 5 of Zabiri, Samyudia and Zainudin, who say that it describes stiction physically, "
-    "as precisely as possible, with a number of unknown parameters. Not from that source: every "
-    "equation and every number here. The force balance is the general one of spring-and-diaphragm "
-    "valves (from memory); first-order air, a flow force linear in the stem and hard end stops are "
-    "this product's choice."
+    "Simulation Conference (1994) 742-745, of which only title and existence are known (reference "
+    "5 of Zabiri, Samyudia and Zainudin). Equations and numbers are not from there: the force "
+    "balance is the general one of spring-and-diaphragm valves (from memory); first-order air, a "
+    "flow force linear in the stem and hard end stops are this product's choice."
 )
 
 
@@ -60,7 +58,7 @@ def mueller(
             f"Ff = {STRIBECK}, with Karnopp's band. Fflow = Fo x/stroke."
         ),
         limits=(
-            "The equations of the cited paper are not available: this is not that model.",
+            "This is not the cited paper's model.",
             "The flow force cannot be told from an error of the position's span, "
             "nor a dead time in the air from a skew of clocks.",
             "OP is taken as a straight line between samples.",
