@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stemwatch.models.mismatch.acceptance_limits import convincing
+from stemwatch.models.mismatch.acceptance_limits import NEAR, convincing, strength
 from stemwatch.models.mismatch.fit import base_coordinate
+from stemwatch.models.mismatch.fit.base_coordinate import S_and_J
 from stemwatch.models.mismatch.fit.base_fit import RESTICK_REACH
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import CAREFUL, Fitted, gain, refit, scored
@@ -30,7 +31,7 @@ from stemwatch.models.mismatch.search.reading_rivals import (
     leans,
     sags_instead,
 )
-from stemwatch.models.mismatch.search.term_selection import AS_GOOD
+from stemwatch.models.mismatch.search.term_selection import AS_GOOD, TermScore
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.terms._common import CALIBRATE_FROM_PERCENT
 from stemwatch.models.mismatch.terms.flow_force import OWN_SLOPE
@@ -49,8 +50,12 @@ COORDINATES = {
 LEAST_RESTICK = 0.15
 RESTICK, OVERSHOOT = "low_speed_restick", "slip_overshoot"
 STICKS_AGAIN = (RESTICK, OVERSHOOT)
-DRIFT, FLOW = "sensor_drift", "flow_force"
+DRIFT, FLOW, UNEVEN = "sensor_drift", "flow_force", "asymmetric_slip"
 LEAST_ZERO = 0.4  # percent, all through a drift
+TELLS_FRICTION = (
+    "Slips of one direction seem larger than those of the other, and friction that is larger one "
+    "way shifts the stem as well; a reading at a stop tells which."
+)
 HALF_STROKE = 50.0  # percent of travel from the middle, where the zero is counted, to either end
 
 
@@ -87,10 +92,15 @@ def values_of(slug: str, candidate: Floats) -> Floats:
 
 
 def findings(
-    evaluator: Evaluator, fitted: Fitted, terms: dict[str, Term], shown: Collection[str] = ()
+    evaluator: Evaluator,
+    fitted: Fitted,
+    terms: dict[str, Term],
+    shown: Collection[str] = (),
+    more: Collection[TermScore] = (),
 ) -> tuple[list[ReadingError], Fitted]:
     """The material errors, and ``fitted`` with the gain held at 1 where that is not a finding;
-    those ``shown`` by something else need not be shown by the residual.
+    those ``shown`` by something else need not be shown by the residual. ``more`` are the scores of
+    the terms on top of ``fitted``, none of which is named.
 
     The gain goes first: away from mid-travel, a gain that noise has bent looks like a zero error.
     """
@@ -109,7 +119,8 @@ def findings(
             if _is_material(evaluator, fitted, at_every_speed.term):
                 bent = _or_bent(evaluator, fitted, at_every_speed, terms)
                 sagging = _or_sagging(evaluator, fitted, bent, terms)
-                offs.append(_or_leaning(evaluator, fitted, leaning, sagging))
+                leaning_too = _or_leaning(evaluator, fitted, leaning, sagging)
+                offs.append(_or_uneven(evaluator, leaning_too, more))
         elif slug == SPAN:
             fitted = without_error(evaluator, fitted, coordinate, largest)
     return offs, fitted
@@ -131,20 +142,54 @@ def _leans_with_force(fitted: Fitted) -> bool:
 
 def _explained(fitted: Fitted, offs: list[ReadingError]) -> bool:
     """True where a zero error is part of another finding: a span error turns about some point of
-    the stroke, so that mid-travel is off by as much as the ends of the stroke are at most; and a
-    drift that began or ended at zero is off in between."""
+    the stroke, so that mid-travel is off by as much as the ends of the stroke are at most; a drift
+    that began or ended at zero is off in between; and friction whose slips are uneven may be the
+    larger one way altogether."""
     if any(reading_error.term.slug == SPAN for reading_error in offs):
         zero, gain = (
             abs(float(fitted.candidates[:, place].mean()))
             for place in (base_coordinate.ZERO, base_coordinate.GAIN)
         )
         return zero - HALF_STROKE * gain < CALIBRATE_FROM_PERCENT
+    if off_by_uneven_friction(fitted) is not None:
+        return True
     if DRIFT not in fitted.layout.places:
         return False
     zero = float(fitted.candidates[:, base_coordinate.ZERO].mean())
     half = 0.5 * float(fitted.values(DRIFT)[:, 0].mean())
     least = min(abs(zero - half), abs(zero), abs(zero + half))
     return least < LEAST_ZERO or abs(half) > abs(zero)
+
+
+def off_by_uneven_friction(fitted: Fitted) -> float | None:
+    """By how much the stem is off its command, percent, as by a zero error, where friction that is
+    uneven as its slips are does the same; ``None`` where it does not.
+
+    An ``S (1 + b)`` rising and ``S (1 - b)`` falling is the same as a zero of ``-S b/2``. Friction
+    in motion, ``(S (1 + b) - J (1 + a))/2`` rising and ``(S (1 - b) - J (1 - a))/2`` falling, is
+    not below 0 either way.
+    """
+    if UNEVEN not in fitted.layout.places:
+        return None
+    middle = fitted.candidates.mean(axis=0)
+    (S, J), zero = S_and_J(middle), float(middle[base_coordinate.ZERO])
+    a = float(fitted.values(UNEVEN).mean())
+    rising, falling = 0.5 * (S - J * (1.0 + a)), 0.5 * (S - J * (1.0 - a))
+    return zero if -falling <= zero <= rising else None
+
+
+def zero_or_uneven_friction(evaluator: Evaluator, fitted: Fitted, zero: Term) -> str:
+    """A sentence on the ``zero`` error that uneven friction may make; empty where it makes none of
+    a material size.
+    """
+    off = off_by_uneven_friction(fitted)
+    if off is None or not zero.material(np.array([off]), evaluator.summary):
+        return ""
+    return (
+        f"Over both directions the position lies {abs(off):.2g} % "
+        f"{'below' if off < 0.0 else 'above'} its command: friction that is larger one way makes "
+        "that, as a zero error of the reading does; a reading at a stop tells which."
+    )
 
 
 def without_error(evaluator: Evaluator, fitted: Fitted, coordinate: int, largest: float) -> Fitted:
@@ -209,6 +254,25 @@ def _or_leaning(
     if not leans(evaluator, level, leaning):
         return found
     return replace(found, beside=(*found.beside, SPAN), tells=WHAT_TELLS)
+
+
+def _or_uneven(
+    evaluator: Evaluator, found: ReadingError, more: Collection[TermScore]
+) -> ReadingError:
+    """``found``, and uneven slips beside a zero error that uneven friction may make, where the
+    record comes near to showing such slips.
+
+    Of 24 valves with a zero error (`draw_effect`, seeds 4065 and 4076, development) none comes to
+    0.1 of the limits by uneven slips.
+    """
+    slips = next((score for score in more if score.slug == UNEVEN), None)
+    if found.term.slug != ZERO or slips is None:
+        return found
+    near = strength(slips.advantage, evaluator.measured_counts, UNEVEN) >= NEAR
+    if not near or off_by_uneven_friction(slips.fitted) is None:
+        return found
+    tells = f"{found.tells} {TELLS_FRICTION}".lstrip()
+    return replace(found, beside=(*found.beside, UNEVEN), tells=tells)
 
 
 def _dropped(

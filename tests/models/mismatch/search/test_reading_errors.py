@@ -126,6 +126,18 @@ def test_a_zero_that_a_drift_does_not_explain_is_found_beside_it():
     assert ["zero_shift"] == slugs_of(result)
 
 
+def test_a_zero_that_uneven_friction_makes_is_no_finding_beside_uneven_slips():
+    """S of 2.8 % rising and 5.2 % falling is the same as 4 % both ways and a zero of 0.6 %."""
+    result = found_in(((base_coordinate.ZERO, 0.6),), ("asymmetric_slip",), ((0.6,),))
+    assert [] == slugs_of(result)
+
+
+def test_a_zero_beyond_all_friction_is_found_beside_uneven_slips():
+    """With S of 4 % no friction shifts the stem by 3 %: one way it would be below nothing."""
+    result = found_in(((base_coordinate.ZERO, 3.0),), ("asymmetric_slip",), ((0.6,),))
+    assert ["zero_shift"] == slugs_of(result)
+
+
 def test_a_refused_reading_error_is_not_a_finding():
     """An error of the reading that could not be tested is no finding, however large."""
     evaluator = evaluator_of(simulated_by_chain(base={base_coordinate.ZERO: 1.5}))
