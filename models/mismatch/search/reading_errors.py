@@ -30,11 +30,13 @@ from stemwatch.models.mismatch.search.reading_rivals import (
     bent_instead,
     leans,
     sags_instead,
+    slips_instead,
 )
 from stemwatch.models.mismatch.search.term_selection import AS_GOOD, TermScore
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.terms._common import CALIBRATE_FROM_PERCENT
 from stemwatch.models.mismatch.terms.flow_force import OWN_SLOPE
+from stemwatch.models.mismatch.terms.sensor_drift import course
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.fit import Advantage
 from stemwatch.models.stickslip.parameters import Bounds
@@ -51,9 +53,9 @@ LEAST_RESTICK = 0.15
 RESTICK, OVERSHOOT = "low_speed_restick", "slip_overshoot"
 STICKS_AGAIN = (RESTICK, OVERSHOOT)
 DRIFT, FLOW, UNEVEN = "sensor_drift", "flow_force", "asymmetric_slip"
-LEAST_ZERO = 0.4  # percent, all through a drift
+LEAST_ZERO = 0.4  # percent, at every time of a drift
 TELLS_FRICTION = (
-    "Slips of one direction seem larger than those of the other, and friction that is larger one "
+    "Slips of one direction may be larger than those of the other, and friction that is larger one "
     "way shifts the stem as well; a reading at a stop tells which."
 )
 HALF_STROKE = 50.0  # percent of travel from the middle, where the zero is counted, to either end
@@ -120,7 +122,7 @@ def findings(
                 bent = _or_bent(evaluator, fitted, at_every_speed, terms)
                 sagging = _or_sagging(evaluator, fitted, bent, terms)
                 leaning_too = _or_leaning(evaluator, fitted, leaning, sagging)
-                offs.append(_or_uneven(evaluator, leaning_too, more))
+                offs.append(_or_uneven(evaluator, fitted, leaning_too, terms, more))
         elif slug == SPAN:
             fitted = without_error(evaluator, fitted, coordinate, largest)
     return offs, fitted
@@ -142,9 +144,9 @@ def _leans_with_force(fitted: Fitted) -> bool:
 
 def _explained(fitted: Fitted, offs: list[ReadingError]) -> bool:
     """True where a zero error is part of another finding: a span error turns about some point of
-    the stroke, so that mid-travel is off by as much as the ends of the stroke are at most; a drift
-    that began or ended at zero is off in between; and friction whose slips are uneven may be the
-    larger one way altogether."""
+    the stroke, so that mid-travel is off by as much as the ends of the stroke are at most; a
+    reading that wanders and was right at some time is off at others; and friction whose slips are
+    uneven may be the larger one way altogether."""
     if any(reading_error.term.slug == SPAN for reading_error in offs):
         zero, gain = (
             abs(float(fitted.candidates[:, place].mean()))
@@ -156,9 +158,8 @@ def _explained(fitted: Fitted, offs: list[ReadingError]) -> bool:
     if DRIFT not in fitted.layout.places:
         return False
     zero = float(fitted.candidates[:, base_coordinate.ZERO].mean())
-    half = 0.5 * float(fitted.values(DRIFT)[:, 0].mean())
-    least = min(abs(zero - half), abs(zero), abs(zero + half))
-    return least < LEAST_ZERO or abs(half) > abs(zero)
+    off = zero + course(fitted.values(DRIFT).mean(axis=0))
+    return float(np.abs(off).min()) < LEAST_ZERO or float(off.min()) < 0.0 < float(off.max())
 
 
 def off_by_uneven_friction(fitted: Fitted) -> float | None:
@@ -257,22 +258,35 @@ def _or_leaning(
 
 
 def _or_uneven(
-    evaluator: Evaluator, found: ReadingError, more: Collection[TermScore]
+    evaluator: Evaluator,
+    fitted: Fitted,
+    found: ReadingError,
+    terms: dict[str, Term],
+    more: Collection[TermScore],
 ) -> ReadingError:
-    """``found``, and uneven slips beside a zero error that uneven friction may make, where the
-    record comes near to showing such slips.
+    """``found``, and uneven slips beside a zero error that uneven friction may make: where the
+    record comes near to showing such slips by the scores of ``more`` terms, or they do as well in
+    its place.
 
     Of 24 valves with a zero error (`draw_effect`, seeds 4065 and 4076, development) none comes to
     0.1 of the limits by uneven slips.
     """
-    slips = next((score for score in more if score.slug == UNEVEN), None)
-    if found.term.slug != ZERO or slips is None:
+    slips = terms.get(UNEVEN)
+    if found.term.slug != ZERO or slips is None or UNEVEN in fitted.layout.places:
         return found
-    near = strength(slips.advantage, evaluator.measured_counts, UNEVEN) >= NEAR
-    if not near or off_by_uneven_friction(slips.fitted) is None:
+    if not (_nearly_shown(evaluator, more) or slips_instead(evaluator, fitted, slips)):
         return found
     tells = f"{found.tells} {TELLS_FRICTION}".lstrip()
     return replace(found, beside=(*found.beside, UNEVEN), tells=tells)
+
+
+def _nearly_shown(evaluator: Evaluator, more: Collection[TermScore]) -> bool:
+    """Whether uneven slips come near to being named beside a zero error that uneven friction may
+    make."""
+    score = next((score for score in more if score.slug == UNEVEN), None)
+    if score is None or off_by_uneven_friction(score.fitted) is None:
+        return False
+    return strength(score.advantage, evaluator.measured_counts, UNEVEN) >= NEAR
 
 
 def _dropped(

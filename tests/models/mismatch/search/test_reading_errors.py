@@ -56,6 +56,7 @@ def test_an_error_of_the_reading_is_found_as_what_it_is(slug, value, within):
     result = found_in(base=((place, value),))
     assert [slug] == slugs_of(result)
     (off,), fitted, _ = result
+    assert off.members == (slug,)
     middle = fitted.candidates.mean(axis=0)
     np.testing.assert_allclose(values_of(slug, middle), [value], atol=within)
     assert off.advantage.mean > 0.1
@@ -117,6 +118,13 @@ def test_a_drift_that_began_or_ended_at_zero_is_no_zero_shift(side):
     """Zero plus and minus half the drift: at the one end or the other the reading was right."""
     drift = (2.0, 0.0, 0.0, 0.0)
     result = found_in(((base_coordinate.ZERO, side),), ("sensor_drift",), (drift,))
+    assert [] == slugs_of(result)
+
+
+def test_a_reading_that_wanders_through_zero_is_no_zero_shift():
+    """It begins at -0.6 and ends at -5.4 %; a slow wave brings it to 0 in between."""
+    drift = (-4.8, 2.6, 0.0, 0.0)
+    result = found_in(((base_coordinate.ZERO, -3.0),), ("sensor_drift",), (drift,))
     assert [] == slugs_of(result)
 
 
