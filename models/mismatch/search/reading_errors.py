@@ -166,17 +166,14 @@ def off_by_uneven_friction(fitted: Fitted) -> float | None:
     """By how much the stem is off its command, percent, as by a zero error, where friction that is
     uneven as its slips are does the same; ``None`` where it does not.
 
-    An ``S (1 + b)`` rising and ``S (1 - b)`` falling is the same as a zero of ``-S b/2``. Friction
-    in motion, ``(S (1 + b) - J (1 + a))/2`` rising and ``(S (1 - b) - J (1 - a))/2`` falling, is
-    not below 0 either way.
+    An ``S (1 + b)`` rising and ``S (1 - b)`` falling is the same as a zero of ``-S b/2``, with
+    ``b`` from -1 to 1. From the zero on that asks for work it is a finding of its own all the same.
     """
     if UNEVEN not in fitted.layout.places:
         return None
     middle = fitted.candidates.mean(axis=0)
-    (S, J), zero = S_and_J(middle), float(middle[base_coordinate.ZERO])
-    a = float(fitted.values(UNEVEN).mean())
-    rising, falling = 0.5 * (S - J * (1.0 + a)), 0.5 * (S - J * (1.0 - a))
-    return zero if -falling <= zero <= rising else None
+    (S, _), zero = S_and_J(middle), float(middle[base_coordinate.ZERO])
+    return zero if abs(zero) < min(0.5 * S, CALIBRATE_FROM_PERCENT) else None
 
 
 def zero_or_uneven_friction(evaluator: Evaluator, fitted: Fitted, zero: Term) -> str:

@@ -140,10 +140,16 @@ def test_a_zero_that_uneven_friction_makes_is_no_finding_beside_uneven_slips():
     assert [] == slugs_of(result)
 
 
-def test_a_zero_beyond_all_friction_is_found_beside_uneven_slips():
-    """With S of 4 % no friction shifts the stem by 3 %: one way it would be below nothing."""
-    result = found_in(((base_coordinate.ZERO, 3.0),), ("asymmetric_slip",), ((0.6,),))
-    assert ["zero_shift"] == slugs_of(result)
+@pytest.mark.parametrize(("S", "zero"), [(2.4, 1.6), (5.0, -2.4)])
+def test_a_zero_beyond_all_friction_or_that_asks_for_work_is_found_beside_uneven_slips(S, zero):
+    """Of S of 2.4 % one way would be below nothing; from 2 % on a zero is calibrated."""
+    recording = simulated_by_chain(S, base={base_coordinate.ZERO: zero}, asymmetric_slip=(0.6,))
+    evaluator = evaluator_of(recording)
+    layout = evaluator.layout(hypothesis("asymmetric_slip"))
+    truth = candidate(layout, S, base={base_coordinate.ZERO: zero}, asymmetric_slip=(0.6,))
+    fitted = conclude(evaluator, crossfit(evaluator, layout, truth[None], LOOK))
+    off, _ = findings(evaluator, fitted, catalogue())
+    assert [item.term.slug for item in off] == ["zero_shift"]
 
 
 def test_a_refused_reading_error_is_not_a_finding():
