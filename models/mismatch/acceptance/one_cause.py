@@ -22,8 +22,8 @@ KINDS = (
 
 
 def one_cause(effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """The ``effects``, of each kind the one with the largest gain, with the others of that kind as
-    what the recording cannot tell from it.
+    """The ``effects``, of each kind the one with the largest gain, or one that it cannot be told
+    from and that is named itself, with the others of that kind as what cannot be told from it.
     """
     kept: list[Effect] = []
     for one in sorted(effects, key=lambda effect: -effect.evidence.mean):
@@ -40,7 +40,11 @@ def _one_kind(one: Effect, other: Effect) -> bool:
 
 
 def _with(stronger: Effect, weaker: Effect) -> Effect:
-    """The stronger of two effects of one kind, with the weaker one as another of its class."""
+    """The stronger of two effects of one kind, with the weaker one as another of its class; the
+    weaker one, where it alone may be the cause of both.
+    """
+    if weaker.slug in stronger.members and stronger.slug not in weaker.members:
+        stronger, weaker = weaker, stronger
     names = [effect.slug.replace("_", " ") for effect in (stronger, weaker)]
     tells = (
         f"With {names[1]} behind the {names[0]} the record is followed better still; one cause of "

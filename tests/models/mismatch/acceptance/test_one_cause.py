@@ -52,3 +52,10 @@ def test_a_class_keeps_each_of_its_members_once():
     drag = named("viscous_drag", 0.4, "actuator_lag", "dead_time")
     (one,) = one_cause([named("actuator_lag", 1.0, "dead_time"), drag])
     assert one.members == ("actuator_lag", "dead_time", "viscous_drag")
+
+
+def test_an_effect_that_may_be_the_cause_of_both_has_the_name():
+    """The lag cannot be told from a ringing positioner, which is named itself."""
+    lag = named("actuator_lag", 1.0, "underdamped_positioner", "dead_time")
+    (one,) = one_cause([lag, named("underdamped_positioner", 0.8)])
+    assert one.members == ("underdamped_positioner", "actuator_lag", "dead_time")
