@@ -60,12 +60,14 @@ from stemwatch.models.mismatch.search.reading_errors import (
     FLOW,
     RESTICK,
     STICKS_AGAIN,
+    UNEVEN,
     ReadingError,
     findings,
     values_of,
     without_error,
+    zero_or_uneven_friction,
 )
-from stemwatch.models.mismatch.search.reading_rivals import BOW
+from stemwatch.models.mismatch.search.reading_rivals import BOW, ZERO
 from stemwatch.models.mismatch.search.sticking_by_likelihood import sticking_by_likelihood
 from stemwatch.models.mismatch.search.term_pairs import with_pair
 from stemwatch.models.mismatch.search.term_selection import Named, Needed, lacking, name_terms
@@ -265,7 +267,10 @@ def _whole_record(
     """
     evaluator = named.evaluator
     shown = STICKS_AGAIN if named.sticks_again is not None else ()
-    reading_errors, fitted = findings(evaluator, named.fitted, terms, shown)
+    # The last round, which has named nothing, is that on top of all that is named.
+    last = named.stages[-1] if named.stages else None
+    more = last.scores if last is not None and not last.accepted else ()
+    reading_errors, fitted = findings(evaluator, named.fitted, terms, shown, more)
     for slug in pinned:
         fitted = without_error(evaluator, fitted, *COORDINATES[slug])
     layout, best = _whole_record_layout(evaluator, fitted)
@@ -524,6 +529,8 @@ def _effects(
         _needed_effect(named, needed, layout, best, candidate_draws, in_directions)
         for needed in named.needed
     ]
+    off = zero_or_uneven_friction(evaluator, named.fitted, catalogue()[ZERO])
+    effects = [with_what_tells(one, off) if one.slug == UNEVEN else one for one in effects]
     for reading in reading_errors:
         share = _share(reading.without, named.fitted)
         error = effect(

@@ -3,7 +3,7 @@
 Where nothing is named, what runs leave must be more than the likelihood of the whole record leaves,
 or S and J explain it. A free run must follow the part that was not fitted; nothing outside may
 shake the stem; and what is named must not stand in for physics that is not in the catalogue. What
-fails is *unknown*.
+fails is *unknown*. What may be one cause is not named as two.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from stemwatch.models.mismatch.acceptance.accepted_hypothesis import (
 )
 from stemwatch.models.mismatch.acceptance.misleading_runs import NOISE_OF_A_NAME
 from stemwatch.models.mismatch.acceptance.nothing_left_out import likelihood_explains
+from stemwatch.models.mismatch.acceptance.one_cause import one_cause
 from stemwatch.models.mismatch.acceptance.shaken_stem import find_shaking
 from stemwatch.models.mismatch.acceptance_limits import MEAN_OF_A_LINE
 from stemwatch.models.mismatch.findings import Effect
@@ -32,7 +33,8 @@ STANDS_IN = (*STRAIGHT_LINE, "actuator_lag", "asymmetric_lag")
 
 def checked(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
     """The hypothesis after all the checks, each of which takes it as the one before left it."""
-    return _unless_stand_in(_unless_shaken(_if_followed(_unless_explained(hypothesis))))
+    stands = _unless_stand_in(_unless_shaken(_if_followed(_unless_explained(hypothesis))))
+    return replace(stands, effects=one_cause(stands.effects))
 
 
 def _unless_explained(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:

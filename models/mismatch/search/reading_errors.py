@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stemwatch.models.mismatch.acceptance_limits import convincing
+from stemwatch.models.mismatch.acceptance_limits import NEAR, convincing, strength
 from stemwatch.models.mismatch.fit import base_coordinate
+from stemwatch.models.mismatch.fit.base_coordinate import S_and_J
 from stemwatch.models.mismatch.fit.base_fit import RESTICK_REACH
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import CAREFUL, Fitted, gain, refit, scored
@@ -29,11 +30,13 @@ from stemwatch.models.mismatch.search.reading_rivals import (
     bent_instead,
     leans,
     sags_instead,
+    slips_instead,
 )
-from stemwatch.models.mismatch.search.term_selection import AS_GOOD
+from stemwatch.models.mismatch.search.term_selection import AS_GOOD, TermScore
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.terms._common import CALIBRATE_FROM_PERCENT
 from stemwatch.models.mismatch.terms.flow_force import OWN_SLOPE
+from stemwatch.models.mismatch.terms.sensor_drift import course
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.fit import Advantage
 from stemwatch.models.stickslip.parameters import Bounds
@@ -49,8 +52,12 @@ COORDINATES = {
 LEAST_RESTICK = 0.15
 RESTICK, OVERSHOOT = "low_speed_restick", "slip_overshoot"
 STICKS_AGAIN = (RESTICK, OVERSHOOT)
-DRIFT, FLOW = "sensor_drift", "flow_force"
-LEAST_ZERO = 0.4  # percent, all through a drift
+DRIFT, FLOW, UNEVEN = "sensor_drift", "flow_force", "asymmetric_slip"
+LEAST_ZERO = 0.4  # percent, at every time of a drift
+TELLS_FRICTION = (
+    "Slips of one direction may be larger than those of the other, and friction that is larger one "
+    "way shifts the stem as well; a reading at a stop tells which."
+)
 HALF_STROKE = 50.0  # percent of travel from the middle, where the zero is counted, to either end
 
 
@@ -87,10 +94,15 @@ def values_of(slug: str, candidate: Floats) -> Floats:
 
 
 def findings(
-    evaluator: Evaluator, fitted: Fitted, terms: dict[str, Term], shown: Collection[str] = ()
+    evaluator: Evaluator,
+    fitted: Fitted,
+    terms: dict[str, Term],
+    shown: Collection[str] = (),
+    more: Collection[TermScore] = (),
 ) -> tuple[list[ReadingError], Fitted]:
     """The material errors, and ``fitted`` with the gain held at 1 where that is not a finding;
-    those ``shown`` by something else need not be shown by the residual.
+    those ``shown`` by something else need not be shown by the residual. ``more`` are the scores of
+    the terms on top of ``fitted``, none of which is named.
 
     The gain goes first: away from mid-travel, a gain that noise has bent looks like a zero error.
     """
@@ -109,7 +121,8 @@ def findings(
             if _is_material(evaluator, fitted, at_every_speed.term):
                 bent = _or_bent(evaluator, fitted, at_every_speed, terms)
                 sagging = _or_sagging(evaluator, fitted, bent, terms)
-                offs.append(_or_leaning(evaluator, fitted, leaning, sagging))
+                leaning_too = _or_leaning(evaluator, fitted, leaning, sagging)
+                offs.append(_or_uneven(evaluator, fitted, leaning_too, terms, more))
         elif slug == SPAN:
             fitted = without_error(evaluator, fitted, coordinate, largest)
     return offs, fitted
@@ -131,20 +144,50 @@ def _leans_with_force(fitted: Fitted) -> bool:
 
 def _explained(fitted: Fitted, offs: list[ReadingError]) -> bool:
     """True where a zero error is part of another finding: a span error turns about some point of
-    the stroke, so that mid-travel is off by as much as the ends of the stroke are at most; and a
-    drift that began or ended at zero is off in between."""
+    the stroke, so that mid-travel is off by as much as the ends of the stroke are at most; a
+    reading that wanders and was right at some time is off at others; and friction whose slips are
+    uneven may be the larger one way altogether."""
     if any(reading_error.term.slug == SPAN for reading_error in offs):
         zero, gain = (
             abs(float(fitted.candidates[:, place].mean()))
             for place in (base_coordinate.ZERO, base_coordinate.GAIN)
         )
         return zero - HALF_STROKE * gain < CALIBRATE_FROM_PERCENT
+    if off_by_uneven_friction(fitted) is not None:
+        return True
     if DRIFT not in fitted.layout.places:
         return False
     zero = float(fitted.candidates[:, base_coordinate.ZERO].mean())
-    half = 0.5 * float(fitted.values(DRIFT)[:, 0].mean())
-    least = min(abs(zero - half), abs(zero), abs(zero + half))
-    return least < LEAST_ZERO or abs(half) > abs(zero)
+    off = zero + course(fitted.values(DRIFT).mean(axis=0))
+    return float(np.abs(off).min()) < LEAST_ZERO or float(off.min()) < 0.0 < float(off.max())
+
+
+def off_by_uneven_friction(fitted: Fitted) -> float | None:
+    """By how much the stem is off its command, percent, as by a zero error, where friction that is
+    uneven as its slips are does the same; ``None`` where it does not.
+
+    An ``S (1 + b)`` rising and ``S (1 - b)`` falling is the same as a zero of ``-S b/2``, with
+    ``b`` from -1 to 1. From the zero on that asks for work it is a finding of its own all the same.
+    """
+    if UNEVEN not in fitted.layout.places:
+        return None
+    middle = fitted.candidates.mean(axis=0)
+    (S, _), zero = S_and_J(middle), float(middle[base_coordinate.ZERO])
+    return zero if abs(zero) < min(0.5 * S, CALIBRATE_FROM_PERCENT) else None
+
+
+def zero_or_uneven_friction(evaluator: Evaluator, fitted: Fitted, zero: Term) -> str:
+    """A sentence on the ``zero`` error that uneven friction may make; empty where it makes none of
+    a material size.
+    """
+    off = off_by_uneven_friction(fitted)
+    if off is None or not zero.material(np.array([off]), evaluator.summary):
+        return ""
+    return (
+        f"Over both directions the position lies {abs(off):.2g} % "
+        f"{'below' if off < 0.0 else 'above'} its command: friction that is larger one way makes "
+        "that, as a zero error of the reading does; a reading at a stop tells which."
+    )
 
 
 def without_error(evaluator: Evaluator, fitted: Fitted, coordinate: int, largest: float) -> Fitted:
@@ -209,6 +252,38 @@ def _or_leaning(
     if not leans(evaluator, level, leaning):
         return found
     return replace(found, beside=(*found.beside, SPAN), tells=WHAT_TELLS)
+
+
+def _or_uneven(
+    evaluator: Evaluator,
+    fitted: Fitted,
+    found: ReadingError,
+    terms: dict[str, Term],
+    more: Collection[TermScore],
+) -> ReadingError:
+    """``found``, and uneven slips beside a zero error that uneven friction may make: where the
+    record comes near to showing such slips by the scores of ``more`` terms, or they do as well in
+    its place.
+
+    Of 24 valves with a zero error (`draw_effect`, seeds 4065 and 4076, development) none comes to
+    0.1 of the limits by uneven slips.
+    """
+    slips = terms.get(UNEVEN)
+    if found.term.slug != ZERO or slips is None or UNEVEN in fitted.layout.places:
+        return found
+    if not (_nearly_shown(evaluator, more) or slips_instead(evaluator, fitted, slips)):
+        return found
+    tells = f"{found.tells} {TELLS_FRICTION}".lstrip()
+    return replace(found, beside=(*found.beside, UNEVEN), tells=tells)
+
+
+def _nearly_shown(evaluator: Evaluator, more: Collection[TermScore]) -> bool:
+    """Whether uneven slips come near to being named beside a zero error that uneven friction may
+    make."""
+    score = next((score for score in more if score.slug == UNEVEN), None)
+    if score is None or off_by_uneven_friction(score.fitted) is None:
+        return False
+    return strength(score.advantage, evaluator.measured_counts, UNEVEN) >= NEAR
 
 
 def _dropped(

@@ -5,13 +5,15 @@
   straight line by more than this record's noise hides.
 - **A zero error: a supply that sags.** One that falls short on moves one way leaves the stem short
   of its command that way, for a while; in a record of few moves that is as good as a zero error.
+- **A zero error: uneven slips.** Where few samples are of a stem that has just slipped, slips of
+  unequal size shift all others one way.
 - **A zero error: a span error.** Over a small part of the stroke it is nearly the same everywhere,
   as a zero error is. Every hypothesis has both. Where the slope adds too little to be named, but
   both halves of the record ask for one that would be seen over half a stroke, the zero is not named
   alone.
 
-Bow and sag take the place of the error and are fitted with everything else. Where they predict
-unseen blocks of time as well, both are named.
+Bow, sag and uneven slips take the place of the error and are fitted with everything else. Where
+they predict unseen blocks of time as well, both are named.
 """
 
 from __future__ import annotations
@@ -65,6 +67,14 @@ def sags_instead(evaluator: Evaluator, shifted: Fitted, sag: Term) -> bool:
     if not sag.material(sagging.values(SAG).mean(axis=0), evaluator.summary):
         return False
     return gain(evaluator, sagging, shifted).t < AS_GOOD
+
+
+def slips_instead(evaluator: Evaluator, shifted: Fitted, slips: Term) -> bool:
+    """True where material uneven slips do as well as the zero error of ``shifted``."""
+    uneven = fitted_instead(evaluator, shifted, base_coordinate.ZERO, slips)
+    if not slips.material(uneven.values(slips.slug).mean(axis=0), evaluator.summary):
+        return False
+    return gain(evaluator, uneven, shifted).t < AS_GOOD
 
 
 def leans(evaluator: Evaluator, level: Fitted, leaning: Fitted) -> bool:

@@ -514,7 +514,7 @@ def pruned(
     for number, stage in enumerate(stages):
         beside = number < 2 and beside_another(stages[:1])
         fewer = fitted.layout.hypothesis.without(stage.accepted[0].slug)
-        without_term = _refitted_with(evaluator, fitted, fewer)
+        without_term = _refitted_with(evaluator, fitted, fewer, _known(stages, fewer))
         advantage = gain(evaluator, without_term, fitted)
         if _is_needed(evaluator, fitted, stage, advantage, 1, beside):
             needed.append(Needed(stage, without_term, advantage))
@@ -543,10 +543,20 @@ def _only_if_needed(
     return before, []
 
 
-def _refitted_with(evaluator: Evaluator, fitted: Fitted, terms: TermSet) -> Fitted:
-    """``fitted`` with no more than some of its ``terms``, searched anew."""
+def _known(stages: Sequence[SelectionStage], terms: TermSet) -> list[Fitted]:
+    """The fits of a hypothesis with just these ``terms`` that the search has come by."""
+    fits = [fit for stage in stages for fit in (stage.before, *(s.fitted for s in stage.scores))]
+    return [fit for fit in fits if fit.slugs == terms.slugs]
+
+
+def _refitted_with(
+    evaluator: Evaluator, fitted: Fitted, terms: TermSet, known: Sequence[Fitted] = ()
+) -> Fitted:
+    """``fitted`` with no more than some of its ``terms``, searched anew, also from fits that are
+    ``known`` of these: what a term has taken over from them is not found again beside it."""
     layout = evaluator.layout(terms)
     first, *more = without(fitted, layout)
+    more += [layout.bounds.clip(fit.candidates) for fit in known]
     start = conclude(evaluator, scored(layout, first))
     return conclude(evaluator, refit(evaluator, start, CAREFUL, *more))
 

@@ -96,17 +96,17 @@ class SensorDrift(StemTerm):
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """The reading wanders by half a percent over the record."""
-        return bool(np.ptp(_course(values)) >= MATERIAL_PERCENT)
+        return bool(np.ptp(course(values)) >= MATERIAL_PERCENT)
 
     def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """It goes up and down by less than a stroke check finds fault with; what drifts one way
         goes on."""
-        over = float(np.ptp(_course(values)))
+        over = float(np.ptp(course(values)))
         return over < CALIBRATE_FROM_PERCENT and abs(float(values[0])) < STRAIGHT * over
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """From the first to the last reading, positive upwards, and from lowest to highest."""
-        return {"D": (float(values[0]), "%"), "range": (float(np.ptp(_course(values))), "%")}
+        return {"D": (float(values[0]), "%"), "range": (float(np.ptp(course(values))), "%")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
         if abs(number(parameters["D"])) < STRAIGHT * number(parameters["range"]):
@@ -139,8 +139,8 @@ def _waves(samples: int) -> Floats:
     return np.asarray(np.sin(np.pi * np.outer(WAVES, time)))
 
 
-def _course(values: Floats) -> Floats:
-    """(101,) how the reading goes over the record, percent."""
+def course(values: Floats) -> Floats:
+    """(101,) how a reading that drifts by ``values`` (4,) goes over the record, percent."""
     return np.asarray(values[0] * np.linspace(-0.5, 0.5, 101) + values[1:] @ _waves(101))
 
 

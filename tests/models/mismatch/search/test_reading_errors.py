@@ -56,6 +56,7 @@ def test_an_error_of_the_reading_is_found_as_what_it_is(slug, value, within):
     result = found_in(base=((place, value),))
     assert [slug] == slugs_of(result)
     (off,), fitted, _ = result
+    assert off.members == (slug,)
     middle = fitted.candidates.mean(axis=0)
     np.testing.assert_allclose(values_of(slug, middle), [value], atol=within)
     assert off.advantage.mean > 0.1
@@ -120,10 +121,35 @@ def test_a_drift_that_began_or_ended_at_zero_is_no_zero_shift(side):
     assert [] == slugs_of(result)
 
 
+def test_a_reading_that_wanders_through_zero_is_no_zero_shift():
+    """It begins at -0.6 and ends at -5.4 %; a slow wave brings it to 0 in between."""
+    drift = (-4.8, 2.6, 0.0, 0.0)
+    result = found_in(((base_coordinate.ZERO, -3.0),), ("sensor_drift",), (drift,))
+    assert [] == slugs_of(result)
+
+
 def test_a_zero_that_a_drift_does_not_explain_is_found_beside_it():
     """A small drift about a large error has the zero shift as a finding of its own."""
     result = found_in(((base_coordinate.ZERO, 3.0),), ("sensor_drift",), ((1.2, 0.0, 0.0, 0.0),))
     assert ["zero_shift"] == slugs_of(result)
+
+
+def test_a_zero_that_uneven_friction_makes_is_no_finding_beside_uneven_slips():
+    """S of 2.8 % rising and 5.2 % falling is the same as 4 % both ways and a zero of 0.6 %."""
+    result = found_in(((base_coordinate.ZERO, 0.6),), ("asymmetric_slip",), ((0.6,),))
+    assert [] == slugs_of(result)
+
+
+@pytest.mark.parametrize(("S", "zero"), [(2.4, 1.6), (5.0, -2.4)])
+def test_a_zero_beyond_all_friction_or_that_asks_for_work_is_found_beside_uneven_slips(S, zero):
+    """Of S of 2.4 % one way would be below nothing; from 2 % on a zero is calibrated."""
+    recording = simulated_by_chain(S, base={base_coordinate.ZERO: zero}, asymmetric_slip=(0.6,))
+    evaluator = evaluator_of(recording)
+    layout = evaluator.layout(hypothesis("asymmetric_slip"))
+    truth = candidate(layout, S, base={base_coordinate.ZERO: zero}, asymmetric_slip=(0.6,))
+    fitted = conclude(evaluator, crossfit(evaluator, layout, truth[None], LOOK))
+    off, _ = findings(evaluator, fitted, catalogue())
+    assert [item.term.slug for item in off] == ["zero_shift"]
 
 
 def test_a_refused_reading_error_is_not_a_finding():
