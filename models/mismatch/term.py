@@ -91,6 +91,8 @@ class Term(Protocol):
     acts_on: ActsOn
     order: int  # the order in the chain among the terms that act on the same thing
     contains: tuple[str, ...]  # slugs of simpler terms that are special cases of this one
+    # Slugs of terms that do the same to every recording, but for the shape that is usual for each.
+    alike: tuple[str, ...]
     # Whether it is one of the base's own numbers (zero, gain, sticking again), free in every
     # hypothesis: a finding where the base without it fits worse, and not looked for by adding it.
     in_base: bool

@@ -560,10 +560,11 @@ def _needed_effect(
 ) -> Effect:
     """A needed term as an effect; where breakaways showed it, with their evidence."""
     coordinate_slice = layout.places[needed.term.slug]
+    alike = [slug for slug in needed.term.alike if slug not in layout.places]
     of_trajectories = effect(
         named.evaluator,
         needed.term,
-        needed.members,
+        tuple(dict.fromkeys((*needed.members, *alike))),
         best[coordinate_slice],
         candidate_draws[:, coordinate_slice],
         needed.advantage,

@@ -315,8 +315,6 @@ class RecordLikelihood:
         for _ in range(TRIES):
             way = np.zeros(best.point.size)
             way[free] = np.linalg.solve(curved + (damping + 1e-9) * own, total) * steps
-            if not np.isfinite(way).all():  # a point beside it has no likelihood
-                break
             there = self.at(best.layout, best.point + way, best)
             if there.total > best.total:
                 further = self.at(best.layout, best.point + 2.0 * way, there)

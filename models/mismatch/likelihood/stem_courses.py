@@ -76,9 +76,13 @@ _STATE = (X, Z, GOING, RESTED, ASKED_UP, ASKED_DOWN, HELD_UP, HELD_DOWN)
 
 @never_raises
 def above(z: float) -> float:
-    """The probability that Student's variable of four degrees of freedom is above ``z``."""
-    b = 1.0 / (1.0 + 0.25 * z * z)
-    tail: float = 0.5 - 0.375 * z * np.sqrt(b) * (1.0 - z * z * b / 12.0)
+    """The probability that Student's variable of four degrees of freedom is above ``z``:
+    ``(1 - u)^2 (2 + u)/4``, ``u = z/sqrt(z^2 + 4)``, written so that small ones keep their digits.
+    """
+    root = np.sqrt(z * z + 4.0)
+    rest = 4.0 / (root * (root + abs(z)))  # 1 - |u|
+    rest = rest if z >= 0.0 else 2.0 - rest
+    tail: float = 0.25 * rest * rest * (3.0 - rest)
     return tail
 
 

@@ -56,6 +56,7 @@ class CommandTerm(_Defect):
 
     acts_on = ActsOn.COMMAND
     contains: tuple[str, ...] = ()
+    alike: tuple[str, ...] = ()
 
     def fill(self, stem: Stem, values: Floats) -> None:
         """Does nothing: the term acts on the command."""
@@ -66,6 +67,7 @@ class StemTerm(_Defect):
 
     acts_on = ActsOn.STEM
     contains: tuple[str, ...] = ()
+    alike: tuple[str, ...] = ()
 
     def shape(
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats

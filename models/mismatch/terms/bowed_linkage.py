@@ -55,6 +55,7 @@ class BowedLinkage(StemTerm):
 
     slug = "bowed_linkage"
     order = 14
+    alike: tuple[str, ...] = ("flow_force",)
     may_swing = False
     words = Words(
         of_record=True,

@@ -54,6 +54,7 @@ class FlowForce(StemTerm):
 
     slug = "flow_force"
     order = 10
+    alike: tuple[str, ...] = ("bowed_linkage",)
     words = Words(
         plain="the process fluid pushes on the plug, differently at different openings",
         decide=(

@@ -21,7 +21,7 @@ from stemwatch.models.mismatch.findings import Finding, Mismatch, TriedOutcome
 from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.identifiability import NO_POSITION, PHYSICS
 from stemwatch.models.mismatch.terms import catalogue
-from stemwatch.models.recording import Role
+from stemwatch.models.recording import Recording, Role
 from stemwatch.models.stickslip.fit import Advantage
 from stemwatch.models.studies.null_scores import null_scores
 from stemwatch.models.studies.simulator import simulate_loop
@@ -33,6 +33,7 @@ from stemwatch.models.studies.simulator.hidden import (
 )
 from stemwatch.models.studies.simulator.valve_life import draw_lives
 from tests.models.mismatch.fitted_chain import command, recorded, rescaled, simulated_by_chain
+from tests.models.stick_slip_element import stick_slip
 
 # Slug, seed of the draw, parameter, its true size as the draw tells it, and how near it must be.
 CASES = [
@@ -222,6 +223,29 @@ def test_a_bow_that_a_flow_force_may_have_is_no_bowed_linkage():
     sound(answer, len(run.recording))
     assert ["flow_force"] == [effect.slug for effect in answer.effects]
     assert off(answer.restated, case.loop.valve) < off(answer.naive, case.loop.valve)
+
+
+def sticking_through_a_bent_reading(bend: float, seed: int, samples: int = 3600) -> Recording:
+    """OP that wanders over 20 to 80 %, Choudhury's element, and a reading that is ``bend`` percent
+    off in the middle of the stroke and right at its ends."""
+    rng = np.random.default_rng(seed)
+    corners = np.arange(0, samples + 150, 150)
+    op = np.interp(np.arange(samples), corners, rng.uniform(20.0, 80.0, corners.size))
+    stem = stick_slip(op, 4.0, 1.2)
+    mv = stem + bend * (1.0 - (stem / 50.0 - 1.0) ** 2) + 0.05 * rng.standard_normal(samples)
+    return recorded(op, mv)
+
+
+@pytest.mark.parametrize(("bend", "seed"), [(5.0, 0), (-5.0, 1)])
+def test_a_reading_that_is_bent_and_a_flow_force_are_one_finding(bend, seed):
+    """A force that depends on position does the same to the recording, and its mean is no second
+    finding."""
+    recording = sticking_through_a_bent_reading(bend, seed)
+    answer = explain(recording)
+    sound(answer, len(recording))
+    assert [{"flow_force", "bowed_linkage"}] == [set(one.members) for one in answer.effects]
+    assert Finding.CANDIDATES is answer.finding
+    assert answer.restated.S.low <= 4.0 <= answer.restated.S.high
 
 
 @pytest.mark.long

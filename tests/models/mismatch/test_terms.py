@@ -168,6 +168,12 @@ def test_the_reading_has_a_zero_and_a_gain():
     assert reading == {"zero_shift", "span_error"}
 
 
+def test_terms_that_do_the_same_name_each_other():
+    """A force that depends on position, and a reading that is bent: only their shapes differ."""
+    alike = {slug: term.alike for slug, term in CATALOGUE.items() if term.alike}
+    assert alike == {"flow_force": ("bowed_linkage",), "bowed_linkage": ("flow_force",)}
+
+
 def test_a_richer_term_names_the_simpler_ones_that_it_contains():
     """Parsimony prefers these."""
     assert {slug: term.contains for slug, term in CATALOGUE.items() if term.contains} == {

@@ -6,6 +6,9 @@ from itertools import product
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import t as student
 
 from stemwatch.models.mismatch.likelihood.breakaway_filter import (
     GIVEN_UP,
@@ -62,6 +65,28 @@ def test_the_tail_is_that_of_students_distribution() -> None:
     for z, probability in ((0.0, 0.5), (1.533, 0.1), (2.132, 0.05), (3.747, 0.01)):
         assert above(z) == pytest.approx(probability, abs=2e-4)
         assert above(-z) == pytest.approx(1.0 - probability, abs=2e-4)
+
+
+@given(st.floats(-1e6, 1e6))
+def test_the_tail_keeps_its_digits_however_small(z: float) -> None:
+    """A probability of 1e-20 is told from 0 and from one of 2e-20."""
+    assert above(z) == pytest.approx(float(student.sf(z, 4)), rel=1e-9, abs=0.0)
+
+
+@given(st.floats(0.005, 0.3), st.floats(0.02, 2.0), st.floats(-90.0, 90.0))
+def test_a_reading_that_is_far_off_in_coarse_steps_has_a_likelihood(
+    sigma: float, step: float, off: float
+) -> None:
+    """It is that of Student's tail, however far the reading is off."""
+    q, tables = stem_of(40)
+    force, mv = np.full(40, 50.0), np.full(40, 50.0)
+    alone = float(likelihood(force, mv, q, tables, step=step, sigma=sigma)[0])
+    mv[20] += off
+    lost = alone - float(likelihood(force, mv, q, tables, step=step, sigma=sigma)[0])
+    ends = (abs(off) - 0.5 * step) / sigma, (abs(off) + 0.5 * step) / sigma
+    there = student.sf(ends[0], 4) - student.sf(ends[1], 4)
+    of_none = 2.0 * student.cdf(0.5 * step / sigma, 4) - 1.0
+    assert lost == pytest.approx(float(np.log(of_none / there)), abs=0.02)
 
 
 @pytest.mark.parametrize(

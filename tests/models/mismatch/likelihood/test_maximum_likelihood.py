@@ -94,13 +94,3 @@ def test_only_terms_that_begin_ahead_are_climbed(monkeypatch) -> None:
     assert len(set(climbed)) <= AHEAD
     assert ("actuator_lag",) in climbed
     assert any("actuator_lag" in look.layout.places for look in looks)
-
-
-def test_a_climb_ends_where_a_point_beside_it_has_no_likelihood() -> None:
-    """Its slopes are no numbers then. A step along them would lead to a point that is none."""
-    likelihood, layout, points = searched()
-    best = likelihood.at(layout, points[3])
-    free, steps, slopes = likelihood._slopes(best)
-    slopes[0, 0] = np.nan
-    there, _ = likelihood._stepped(best, free, steps, slopes, 1e-2)
-    assert there is best

@@ -113,6 +113,16 @@ def test_a_slope_that_a_flow_force_may_have_is_a_part_of_its_shape(gain, named):
     assert fitted_gain == pytest.approx(gain, abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("zero", "named"), [(-5.0, []), (-2.0, []), (2.0, ["zero_shift"]), (-7.5, ["zero_shift"])]
+)
+def test_the_mean_of_a_flow_force_is_no_zero_shift(zero, named):
+    """A force that is none at the ends of travel moves the stem all along the stroke, by as much
+    as it rises to the middle at most."""
+    result = found_in(((base_coordinate.ZERO, zero),), ("flow_force",), ((5.0,),))
+    assert named == slugs_of(result)
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_drift_that_began_or_ended_at_zero_is_no_zero_shift(side):
     """Zero plus and minus half the drift: at the one end or the other the reading was right."""
