@@ -301,8 +301,14 @@ def _tags_of(
     if pattern and "pattern" in type(settings).model_fields:
         settings = settings.model_copy(update={"pattern": pattern})
     infos = settings.address(file.resolve().parent, plant.zone).open().tags()
+    # A node id of OPC UA begins with its namespace and may be a number: its names count as well.
     fits = [
-        info for info in infos if fnmatch.fnmatchcase(info.tag.lower(), (pattern or "*").lower())
+        info
+        for info in infos
+        if any(
+            fnmatch.fnmatchcase(name.lower(), (pattern or "*").lower())
+            for name in (info.tag, info.description, info.proposed_valve)
+        )
     ]
     return sorted(fits, key=lambda info: info.tag)
 

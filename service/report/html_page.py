@@ -232,6 +232,7 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "finding_meaning": lambda finding: mismatch_words.FINDING_MEANING[finding],
         "not_yet_said": words.not_yet_said,
         "as_sentences": words.as_sentences,
+        "after_work": words.after_work,
         "from_the_twin": lambda indicators: any(name in indicators for name in MADE_BY_STICKING),
         "response_table": response_table,
         "histogram_table": histogram_table,

@@ -248,7 +248,8 @@ def test_gzip_is_unpacked_and_a_cut_one_read_as_far_as_possible(open_text) -> No
         (b"", "the file is empty"),
         (b"PK\x03\x04rest", "Excel workbook"),
         (bytes(range(256)) * 20, "is not text"),
-        (b"a,b,c\n", "no row of numbers"),
+        (b"a,b,c\n", "no row of numbers was found in its only row; "),
+        (b"a,b,c\nd,e,f\n", "no row of numbers was found in the first 2 rows"),
     ],
 )
 def test_each_unreadable_file_has_its_sentence(open_text, content: bytes, expected: str) -> None:
