@@ -110,8 +110,14 @@ def interval(estimate: Estimate) -> str:
 
 
 def instant(moment: datetime | None, zone: tzinfo) -> str:
-    """A time to the minute in ``zone``, which the caller names."""
-    return NOTHING if moment is None else moment.astimezone(zone).strftime("%Y-%m-%d %H:%M")
+    """A time to the minute in ``zone``, which the caller names; with its offset where clocks show
+    that minute twice, when summer time ends."""
+    if moment is None:
+        return NOTHING
+    local = moment.astimezone(zone)
+    is_twice = local.replace(fold=0).utcoffset() != local.replace(fold=1).utcoffset()
+    offset = f" UTC{local.isoformat()[-6:]}" if is_twice else ""
+    return f"{local:%Y-%m-%d %H:%M}{offset}"
 
 
 def prose(text: str) -> str:
