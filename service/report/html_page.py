@@ -228,7 +228,7 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "effect_names": mismatch_words.effect_names,
         "open_question_sentence": mismatch_words.open_question_sentence,
         "finding_symbol": lambda finding: mismatch_words.FINDING_SYMBOL[finding],
-        "finding_title": lambda finding: mismatch_words.FINDING_TITLE[finding],
+        "finding_title": mismatch_words.finding_title,
         "finding_meaning": lambda finding: mismatch_words.FINDING_MEANING[finding],
         "not_yet_said": words.not_yet_said,
         "as_sentences": words.as_sentences,
