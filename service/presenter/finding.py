@@ -38,6 +38,9 @@ MOST_UNTESTABLE = 4  # effects that could not have shown, named one by one
 
 # Below a tenth of the sampling interval a time is not measured but interpolated.
 LEAST_SHARE_OF_INTERVAL = 0.1
+# A drive may have no stem; every page says the word, and so says once what it means there.
+MOTOR_DRIVE = "motor_drive"
+STEM_OF_A_DRIVE = "The stem is here whatever the motor moves."
 # A stem that crosses its travel in five seconds is not slow; on a faster record, in five samples.
 FASTEST_PERCENT = 20.0
 # From each S on, a manual test uses the step beside it: at least three steps, each large enough to
@@ -257,6 +260,8 @@ def why_no_work(effects: Sequence[Effect]) -> str:
         belongs, none = ("belongs", "is no defect") if is_single else ("belong", "are no defects")
         names = _capital(effect_names(as_built))
         sentences.insert(0, f"{names} {belongs} to such a machine and {none}.")
+    if MOTOR_DRIVE in words:
+        sentences.append(STEM_OF_A_DRIVE)
     return " ".join(sentences)
 
 
