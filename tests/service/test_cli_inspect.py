@@ -373,7 +373,7 @@ def test_a_pattern_for_an_opc_ua_server_is_held_against_the_names_of_its_nodes(
         )
         seen = stemwatch("inspect", file, "--pattern", "FIC*", "--write", tmp_path / "plant.toml")
     assert seen.status == 0, seen.said
-    assert "dcs: 2 tags, 1 valves by their names" in seen.said
+    assert "dcs: 2 tags, 1 valve by their names" in seen.said
     (valve,) = load_plant(tmp_path / "plant.toml").valves.values()
     assert (valve.id, valve.tags.op.tag) == ("FIC-101", "ns=2;s=FIC-101.OP")
 
