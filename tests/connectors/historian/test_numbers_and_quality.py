@@ -370,7 +370,12 @@ def test_mode_words_become_automatic_manual_or_masked(open_text) -> None:
     valve = ValveTags(
         valve="A", tags={Role.OP: TagMapping(tag="A.OP"), Role.MODE: TagMapping(tag="A.MODE")}
     )
-    mode = open_text(text).read(valve).signals[Role.MODE]
+    recording = open_text(text).read(valve)
+    mode = recording.signals[Role.MODE]
+    decisions = recording.provenance.decisions
+    assert [said for said in decisions if "no measurement" in said] == [
+        "A.MODE: left out as no measurement: 'Bad' 1."
+    ]
     assert mode.values[:3].tolist() == [1.0, 0.0, 1.0]
     assert mode.quality[3] == Quality.BAD
 
