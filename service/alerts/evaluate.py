@@ -138,7 +138,7 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
         if seen.fall is not None:
             note_fall(store, seen.valve.id, seen.fall)
     for valve in awaiting_aftermath(store, valves_done):
-        note_result_of_work(store, valve)
+        note_result_of_work(store, valve, ZoneInfo(plant.zone or "UTC"))
     groups = _groups(raised, plant)
     common = [_common(group, alerts, run_id) for group, alerts in groups.items()]
     causes_now = {alert.cause for alert in common}
