@@ -19,7 +19,7 @@ from stemwatch.service.explain.explain_json import to_object
 from stemwatch.service.explain.explain_recording import Explained
 from stemwatch.service.presenter.false_discoveries import Discoveries, discoveries
 from stemwatch.service.presenter.finding import PresentedFinding, present
-from stemwatch.service.presenter.physics_words import FINDING_TITLE
+from stemwatch.service.presenter.physics_words import finding_title
 from stemwatch.service.presenter.wording import VERDICT_SYMBOL, finite, printable, share
 from stemwatch.service.report.json_contract import to_contract
 from stemwatch.service.report.ranking import Ranking, rank_valves
@@ -360,7 +360,7 @@ def explained(results: Sequence[Explained]) -> tuple[list[ExplainedValve], Disco
 def _mismatch_lines(mismatch: Mismatch | None, remark: str) -> list[str]:
     if mismatch is None:
         return []
-    title = FINDING_TITLE[mismatch.finding].capitalize()
+    title = finding_title(mismatch).capitalize()
     # The sentence of a recording without a verdict begins with what this title already says.
     lines = _wrapped(f"{title}: {mismatch.sentence.removeprefix('Cannot tell: ')}")
     return lines + _wrapped(remark)

@@ -106,6 +106,8 @@ def convert(
         _tell_doubtful(raw, values, decimal, lines, notes)
     if as_mode:
         values, quality = _modes(raw, values, quality)
+        # AUTO is what such a tag measures: it is not left out.
+        reasons = Counter({text: n for text, n in reasons.items() if mode_value(text) is None})
     quality = _coded(raw, quality, good, name, notes, reasons)
     quality = _repeated_by_archive(raw, quality)
     rows = slice(None) if raw.rows is None else raw.rows

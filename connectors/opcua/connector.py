@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, Self
@@ -31,7 +31,7 @@ from stemwatch.models.recording import Bools, Recording, Role
 
 if TYPE_CHECKING:
     from stemwatch.connectors.historian.columns import Column
-    from stemwatch.connectors.opcua.session import History
+    from stemwatch.connectors.opcua.session import FoundNode, History
 
 LAYOUT = "OPC UA, raw history of a node for each tag"
 ZONE = "The server gives instants in UTC."
@@ -145,15 +145,26 @@ class OpcUaArchive:
         self.address = address
 
     def tags(self) -> Sequence[TagInfo]:
-        """Every node below Objects whose history may be read; samples are not counted."""
+        """Every node below Objects whose history may be read, with role and valve proposed from its
+        name; samples are not counted."""
+        from stemwatch.connectors.historian.tags.roles import propose_roles
+        from stemwatch.connectors.historian.tags.tag_names import parse_tag
         from stemwatch.connectors.opcua.session import browse, connected
 
-        async def list_tags() -> list[TagInfo]:
+        async def list_nodes() -> list[FoundNode]:
             async with connected(self.address) as client:
-                nodes = await browse(client)
-            return [TagInfo(tag=node.tag, description=node.name) for node in nodes]
+                return await browse(client)
 
-        return asyncio.run(list_tags())
+        nodes = asyncio.run(list_nodes())
+        named = [
+            (next((name for name in node.names() if parse_tag(name).loop), node.name), "", "", None)
+            for node in nodes
+        ]
+        candidates = propose_roles(named, stem="", mv_is_output=False)
+        return [
+            replace(candidate.info(), tag=node.tag, description=node.name)
+            for node, candidate in zip(nodes, candidates, strict=True)
+        ]
 
     def present(self, valve: ValveTags) -> ValveTags:
         """``valve`` without the roles beside OP and MV whose node the server does not have."""

@@ -64,10 +64,18 @@ class History:
 
 @dataclass(frozen=True)
 class FoundNode:
-    """A variable that has a history."""
+    """A variable that has a history. ``name`` and ``folder`` are what the server shows for it and
+    for the node above it."""
 
     tag: str
     name: str
+    folder: str = ""
+
+    def names(self) -> tuple[str, ...]:
+        """What may tell loop and role: the text of the node id, the name, the name with the one
+        above it, as a block ``FIC-101`` holds a variable ``OP``."""
+        text = self.tag.partition(";s=")[2] or self.tag.removeprefix("s=")
+        return (text, self.name, f"{self.folder}.{self.name}")
 
 
 @asynccontextmanager
@@ -225,18 +233,20 @@ async def browse(client: Any) -> list[FoundNode]:
 
     nodes: list[FoundNode] = []
     seen: set[str] = set()
-    level = [client.get_objects_node()]
+    level = [("", client.get_objects_node())]
     for _ in range(_DEPTH):
-        children: list[Any] = []
-        for node in level:
+        children: list[tuple[str, Any]] = []
+        for folder, node in level:
             for child in await node.get_children_descriptions():
                 tag = child.NodeId.to_string()
                 if tag in seen or child.NodeId.NamespaceIndex == 0:
                     continue
                 seen.add(tag)
-                children.append(client.get_node(child.NodeId))
-                if child.NodeClass == ua.NodeClass.Variable and await _historized(children[-1]):
-                    nodes.append(FoundNode(tag, child.DisplayName.Text or ""))
+                name = child.DisplayName.Text or ""
+                found = client.get_node(child.NodeId)
+                children.append((name, found))
+                if child.NodeClass == ua.NodeClass.Variable and await _historized(found):
+                    nodes.append(FoundNode(tag, name, folder))
                     if len(nodes) == MOST_TAGS:
                         return nodes
         level = children

@@ -168,10 +168,11 @@ class SqlArchive:
         return Database(address.url, str(address), address.timeout_s, address.options.zone)
 
     def tags(self) -> Sequence[TagInfo]:
-        """What the query of tags lists, with unit and samples where it gives them; nothing where
-        no such query was given. No roles are guessed."""
+        """What the query of tags lists, with unit and samples where it gives them, and with role
+        and valve proposed from its name; nothing where no such query was given."""
         if not self.address.tags_query:
             return []
+        from stemwatch.connectors.historian.tags.roles import propose_roles
         from stemwatch.connectors.sql.database import run_query
 
         with self._database.reading() as connection:
@@ -182,14 +183,21 @@ class SqlArchive:
             }
             column_index.setdefault("tag", 0)
             rows = [row for part in parts for row in part]
-        return [
-            TagInfo(
-                tag=str(row[column_index["tag"]]),
-                unit=str(row[column_index["unit"]] or "") if "unit" in column_index else "",
-                samples=_count(row[column_index["samples"]]) if "samples" in column_index else 0,
+        listed = [row for row in rows if row[column_index["tag"]] is not None]
+        tags = [
+            (
+                str(row[column_index["tag"]]),
+                str(row[column_index["unit"]] or "") if "unit" in column_index else "",
+                "",
+                None,
             )
-            for row in rows
-            if row[column_index["tag"]] is not None
+            for row in listed
+        ]
+        return [
+            proposed.info(_count(row[column_index["samples"]]) if "samples" in column_index else 0)
+            for row, proposed in zip(
+                listed, propose_roles(tags, stem="", mv_is_output=False), strict=True
+            )
         ]
 
     def present(self, valve: ValveTags) -> ValveTags:

@@ -4,7 +4,7 @@ whether there was work, where S fell and none is recorded."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import UTC, datetime, time, timedelta
+from datetime import UTC, datetime, time, timedelta, tzinfo
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.history.fall_of_stiction import UnexplainedFall
@@ -17,8 +17,9 @@ _SAME_FALL = timedelta(days=5)  # by which its day may be moved by what is seen 
 _LOOK_BACK = 50  # screenings in which the last one before the work is looked for
 
 
-def note_result_of_work(store: Store, valve: str) -> str | None:
-    """Keep a note on ``valve`` that compares before and after its last maintenance, once.
+def note_result_of_work(store: Store, valve: str, zone: tzinfo) -> str | None:
+    """Keep a note on ``valve`` that compares before and after its last maintenance, once, with
+    its day in the plant's ``zone``, as its page says it.
 
     Returns the note, or ``None`` where there is nothing to compare yet or it was said already.
     """
@@ -28,7 +29,7 @@ def note_result_of_work(store: Store, valve: str) -> str | None:
     last = work[-1]
     if any(note.who == WRITER and note.at == last.at for note in store.notes(valve)):
         return None
-    sentence = compare(store.screenings(valve, _LOOK_BACK), last)
+    sentence = compare(store.screenings(valve, _LOOK_BACK), last, zone)
     if sentence is not None:
         store.add_note(valve, last.at, sentence, WRITER)
     return sentence
@@ -42,7 +43,7 @@ def note_fall(store: Store, valve: str, fall: UnexplainedFall) -> None:
         store.add_note(valve, at, fall.sentence, WRITER)
 
 
-def compare(screenings: Sequence[StoredScreening], work: Remark) -> str | None:
+def compare(screenings: Sequence[StoredScreening], work: Remark, zone: tzinfo) -> str | None:
     """One sentence from the last judged screening before ``work`` and the first after it.
 
     ``screenings`` newest first. A window that the work lies in counts for neither side.
@@ -63,8 +64,9 @@ def compare(screenings: Sequence[StoredScreening], work: Remark) -> str | None:
     if not after or not before:
         return None
     before_work, now = before[0], after[-1]
+    day = work.at.astimezone(zone).date()
     return (
-        f"After the work of {work.at:%Y-%m-%d} ({work.note}): {_verdict(before_work.S, now.S)} "
+        f"After the work of {day:%Y-%m-%d} ({work.note}): {_verdict(before_work.S, now.S)} "
         f"S was {before_work.S} of OP span before and is {now.S} now; the valve was "
         f"{before_work.verdict.value} and is "
         f"{now.verdict.value}."

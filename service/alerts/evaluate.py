@@ -113,7 +113,7 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     open_before = store.alerts.open_causes()
     found = _by_rules(store, plant, run_id, valves_done, open_before)
     for valve in awaiting_aftermath(store, valves_done):
-        note_result_of_work(store, valve)
+        note_result_of_work(store, valve, ZoneInfo(plant.zone or "UTC"))
     groups = common_causes(found.raised, plant)
     common = [alert_of(group, alerts, run_id) for group, alerts in groups.items()]
     common_before = {cause for cause in open_before if cause.startswith(COMMON)}

@@ -230,6 +230,7 @@ def _inspect_archives(
     )
     from stemwatch.service.cli import inspection_views, views
     from stemwatch.service.config import load_plant
+    from stemwatch.service.presenter.wording import valves_counted
 
     if write is not None and write.resolve().parent != file.resolve().parent:
         raise typer.BadParameter(
@@ -248,7 +249,9 @@ def _inspect_archives(
     for name, infos in tags_of_source.items():
         tags = [ProposedTag.listed(info) for info in infos]
         valves = valves_of(tags)
-        views.say_result(f"{name}: {len(tags)} tags, {len(valves)} valves by their names")
+        found_tags = "1 tag" if len(tags) == 1 else f"{len(tags)} tags"
+        found_valves = valves_counted(len(valves))
+        views.say_result(f"{name}: {found_tags}, {found_valves} by their names")
         _show_valves(tags, valves)
         lines += [*valves_toml(tags, name, known), *questions_toml(tags)]
         found |= set(valves)
@@ -301,8 +304,14 @@ def _tags_of(
     if pattern and "pattern" in type(settings).model_fields:
         settings = settings.model_copy(update={"pattern": pattern})
     infos = settings.address(file.resolve().parent, plant.zone).open().tags()
+    # A node id of OPC UA begins with its namespace and may be a number: its names count as well.
     fits = [
-        info for info in infos if fnmatch.fnmatchcase(info.tag.lower(), (pattern or "*").lower())
+        info
+        for info in infos
+        if any(
+            fnmatch.fnmatchcase(name.lower(), (pattern or "*").lower())
+            for name in (info.tag, info.description, info.proposed_valve)
+        )
     ]
     return sorted(fits, key=lambda info: info.tag)
 

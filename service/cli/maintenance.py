@@ -29,6 +29,8 @@ def maintenance(
     """
     from stemwatch.connectors.connector import nearest_names
     from stemwatch.service.cli import views
+    from stemwatch.service.presenter.wording import after_work
+    from stemwatch.service.presenter.work_decision import NO_POSITION, obstacle_kind
     from stemwatch.service.store.screenings.records import no_time_of_a_plant, not_done_yet
     from stemwatch.service.store.store import open_existing_store, open_store
 
@@ -49,9 +51,13 @@ def maintenance(
                 param_hint="VALVE",
             )
         store.record_maintenance(valve, moment, note, who)
+        if loaded and valve in loaded.valves:
+            has_position = loaded.valves[valve].tags.mv is not None
+        else:
+            newest = store.screenings(valve, 1)
+            has_position = not newest or obstacle_kind(newest[0].no_verdict) != NO_POSITION
     at_minute = moment.isoformat(timespec="minutes")
     line = views.escape(f"Recorded for {valve} at {at_minute}: {note}")
     views.out.print(line, highlight=False)
-    views.say_next(
-        "screen a window after the work: it becomes the new baseline and shows whether it helped."
-    )
+    views.say(after_work(has_position))
+    views.say_next("screen a window after the work.")

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from stemwatch.service.store.database_url import DatabaseUrl
 
 LONGEST_S = 600.0  # that a valve may take where no plant file says it
+NOT_SAVED = 2  # exit status
 
 
 @given_by(requested, name="request")
@@ -127,7 +128,8 @@ def _run(
     """Screen, write the report and show what was found, in the order of the report.
 
     ``workers`` is how many there are and the address of their executor; the others are options of
-    ``screen``.
+    ``screen``. Results that could not be saved end the command with ``NOT_SAVED`` when all is
+    shown: whoever starts it every night must learn that later runs will not know of them.
     """
     from stemwatch.service.executors import LocalProcesses, choose_executor
     from stemwatch.service.process_lifecycle import expect_workers
@@ -174,6 +176,8 @@ def _run(
     # did without.
     if request.sources and is_shown:
         say_reading_remarks(screening.provenance for screening in result.brief)
+    if result.not_saved:
+        raise typer.Exit(NOT_SAVED)
     return ranking
 
 

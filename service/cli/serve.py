@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 PlantFile = Annotated[Path, typer.Option(help="plant.toml with sources, valves and schedules.")]
 _LOOK_S = 0.5
+_AWAY_S = 600.0  # that the database of a service may stay away while its run is waited for
 
 
 def serve(
@@ -153,16 +155,32 @@ def _work(worker: QueueWorker, stop: threading.Event) -> None:
 def _follow(
     store: Store, number: int, working: threading.Thread | None, stop: threading.Event
 ) -> None:
-    """Wait until the run is over, or until ``stop``, with its progress shown."""
+    """Wait until the run is over, or until ``stop``, with its progress shown.
+
+    A service goes on with the run when its database is back, so the wait goes on too. Raises
+    ``StoreError`` where it stays away for ``_AWAY_S``, and at once where this command does the
+    work.
+    """
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
     from stemwatch.service.cli import views
+    from stemwatch.service.store.errors import StoreError
 
     columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=views.err, transient=True) as progress:
         bar = progress.add_task("run", total=None)
+        answered, is_told = time.monotonic(), False
         while not stop.wait(_LOOK_S):
-            run = store.run(number)
+            try:
+                run = store.run(number)
+            except StoreError as error:
+                if working is not None or time.monotonic() - answered > _AWAY_S:
+                    raise
+                if not is_told:
+                    is_told = True
+                    views.say(f"{error} The service goes on with run {number} when it is back.")
+                continue
+            answered, is_told = time.monotonic(), False
             progress.update(bar, completed=run.done, total=run.total or None)
             if run.finished is not None or (working is not None and not working.is_alive()):
                 return

@@ -299,8 +299,9 @@ def _cursor(folder: Path) -> tuple[int, int, int]:
 
 
 def _segments(folder: Path) -> list[tuple[int, Path]]:
-    paths = [path for path in folder.glob(f"*{_SUFFIX}") if path.stem.isdigit()]
-    return sorted((int(path.stem), path) for path in paths)
+    paths = folder.glob(f"*{_SUFFIX}")
+    numbered = [path for path in paths if path.stem.isascii() and path.stem.isdigit()]
+    return sorted((int(path.stem), path) for path in numbered)
 
 
 def _first_instant(path: Path, start: int) -> datetime | None:

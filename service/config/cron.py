@@ -138,7 +138,7 @@ def _last(first: int, match: re.Match[str]) -> int:
 def _day(text: str) -> int:
     if text in _DAYS:
         return _DAYS.index(text)
-    if text.isdigit() and int(text) <= 7:
+    if text.isascii() and text.isdigit() and int(text) <= 7:
         return int(text)
     raise ValueError(
         f"day of week {text!r}; expected 0 (Sunday) to 7, or one of {', '.join(_DAYS)}"

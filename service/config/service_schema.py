@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from datetime import UTC, datetime
 from importlib.metadata import entry_points
 from ipaddress import ip_network
 from typing import Annotated, Any, Literal, Self
@@ -27,15 +28,18 @@ SHORTEST_S = 10.0
 _NEVER_A_USER = frozenset(
     ("authorization", "cookie", "host", "origin", "referer", "user-agent", "x-forwarded-for")
 )
+_ANY_DAY = datetime(2026, 1, 1, tzinfo=UTC)
 MOST_PROXIES = 256  # addresses from which a request may name its user
 _HOST_AND_PORT = re.compile(r"[^/\s]+:\d+")
 
 
 def _readable_cron(expression: str) -> str:
     try:
-        CronTimes(expression, "UTC")
+        times = CronTimes(expression, "UTC")
     except ValueError as error:
         raise ValueError(f'five cron fields, such as "30 5 * * 1" ({error})') from None
+    if times.after(_ANY_DAY) is None:
+        raise ValueError(f"a day that comes; no month has the days of {expression!r}")
     return expression
 
 

@@ -35,6 +35,9 @@ from stemwatch.service.presenter.work_decision import NO_POSITION, WorkDecision,
 
 MOST_STILL_SEEN = 2  # sentences on what can be seen without a verdict; the page has all
 MOST_UNTESTABLE = 4  # effects that could not have shown, named one by one
+# A drive may have no stem; every page says the word, and so says once what it means there.
+MOTOR_DRIVE = "motor_drive"
+STEM_OF_A_DRIVE = "The stem is here whatever the motor moves."
 # From each S on, a manual test uses the step beside it: at least three steps, each large enough to
 # see.
 TEST_STEPS = ((3.0, 1.0), (1.5, 0.5), (0.0, 0.2))
@@ -248,6 +251,8 @@ def why_no_work(effects: Sequence[Effect]) -> str:
         belongs, none = ("belongs", "is no defect") if is_single else ("belong", "are no defects")
         names = capitalised(effect_names(as_built))
         sentences.insert(0, f"{names} {belongs} to such a machine and {none}.")
+    if MOTOR_DRIVE in words:
+        sentences.append(STEM_OF_A_DRIVE)
     return " ".join(sentences)
 
 

@@ -25,14 +25,14 @@ FINDING_SYMBOL = {
 FINDING_TITLE = {
     Finding.NAMED: "hidden physics named",
     Finding.CANDIDATES: "candidates that this recording cannot tell apart",
-    Finding.UNKNOWN: "a difference that nothing in the catalogue explains",
+    Finding.UNKNOWN: "nothing that can be named",
     Finding.NONE: "nothing left out",
     Finding.NOT_TESTABLE: "cannot be tested",
 }
 FINDING_MEANING = {
     Finding.NAMED: "what is named explains what S and J leave over, and nothing else does as well",
     Finding.CANDIDATES: "effects that this recording cannot tell apart; a test would",
-    Finding.UNKNOWN: "systematic, and nothing in the catalogue explains it",
+    Finding.UNKNOWN: "what is left fits nothing in the catalogue, or may be nothing",
     Finding.NONE: "S and J explain the recording, scatter of the breakaways included",
     Finding.NOT_TESTABLE: "the recording could not have shown anything",
 }
@@ -52,6 +52,15 @@ FACETS = {
     "speed": "By speed of the command",
     "time": "By time in the record",
 }
+
+
+def finding_title(mismatch: Mismatch) -> str:
+    """What stands above the sentence of ``mismatch``: where only some of its effects have rivals,
+    the others are named."""
+    some_alone = any(len(effect.members) == 1 for effect in mismatch.effects)
+    if mismatch.finding is Finding.CANDIDATES and some_alone:
+        return "named, with candidates that this recording cannot tell apart"
+    return FINDING_TITLE[mismatch.finding]
 
 
 def effect_name(slug: str) -> str:

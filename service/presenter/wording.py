@@ -32,6 +32,16 @@ VERDICT_MEANING = {
     Verdict.HEALTHY: "the stem follows the controller",
 }
 
+# What follows once work on a valve is recorded; a baseline is a model of how MV follows OP.
+AFTER_WORK = (
+    "From then on the old baseline counts as one from before the work. The first window that "
+    "begins after it becomes the new baseline and shows whether the work helped."
+)
+AFTER_WORK_WITHOUT_POSITION = (
+    "The first window that begins after the work shows whether OP and PV still look like a valve "
+    "that sticks. There is no baseline without a measured position."
+)
+
 COMMAND = re.compile("`(stemwatch [^`]*)`")  # as sentences mark it
 
 _UNPRINTABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff\ufffe\uffff]")
@@ -43,6 +53,11 @@ def printable(text: str) -> str:
     HTML, XLSX and UTF-8 each refuse some of them; a report must not fail on a tag's spelling.
     """
     return _UNPRINTABLE.sub("�", str(text))
+
+
+def after_work(has_position: bool) -> str:
+    """What follows once work on a valve is recorded."""
+    return AFTER_WORK if has_position else AFTER_WORK_WITHOUT_POSITION
 
 
 def finite(value: float | None) -> float | None:
@@ -95,8 +110,14 @@ def interval(estimate: Estimate) -> str:
 
 
 def instant(moment: datetime | None, zone: tzinfo) -> str:
-    """A time to the minute in ``zone``, which the caller names."""
-    return NOTHING if moment is None else moment.astimezone(zone).strftime("%Y-%m-%d %H:%M")
+    """A time to the minute in ``zone``, which the caller names; with its offset where clocks show
+    that minute twice, when summer time ends."""
+    if moment is None:
+        return NOTHING
+    local = moment.astimezone(zone)
+    is_twice = local.replace(fold=0).utcoffset() != local.replace(fold=1).utcoffset()
+    offset = f" UTC{local.isoformat()[-6:]}" if is_twice else ""
+    return f"{local:%Y-%m-%d %H:%M}{offset}"
 
 
 def prose(text: str) -> str:

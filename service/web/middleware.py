@@ -24,6 +24,7 @@ from stemwatch.service.web.path_prefix import own_path
 log = logging.getLogger(__name__)
 
 LARGEST_BODY = 64 * 1024
+MOST_DIGITS = 18  # of a length: Python refuses to read a number of thousands
 TOO_LONG = f"A body of known length, at most {LARGEST_BODY} bytes, is expected."
 AMBIGUOUS = (
     "This request gives the length of its body twice, by Content-Length and by Transfer-Encoding. "
@@ -137,8 +138,9 @@ def _unsafe_refusal(headers: Headers) -> PlainTextResponse | None:
     if foreign or site not in ("same-origin", "none"):
         return PlainTextResponse("This request came from another site's page.", 403)
     length = headers.get("content-length", "")
-    if not length.isdigit() or int(length) > LARGEST_BODY:
-        return PlainTextResponse(TOO_LONG, 413 if length.isdigit() else 411)
+    is_number = length.isascii() and length.isdigit()  # a digit elsewhere, such as ², is none here
+    if not is_number or len(length) > MOST_DIGITS or int(length) > LARGEST_BODY:
+        return PlainTextResponse(TOO_LONG, 413 if is_number else 411)
     return None
 
 

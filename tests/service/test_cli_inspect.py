@@ -358,6 +358,26 @@ def test_valves_of_a_pi_server_are_proposed_from_the_names_of_its_points(
     assert "has all of these" in again.said
 
 
+def test_a_pattern_for_an_opc_ua_server_is_held_against_the_names_of_its_nodes(
+    stemwatch, tmp_path: Path
+) -> None:
+    """Node ids begin with a namespace, which nobody writes into a pattern."""
+    pytest.importorskip("asyncua", reason="asyncua is missing: OPC UA IS NOT TESTED")
+    from tests.connectors.opcua.loopback_server import serving as serving_opcua
+
+    file = tmp_path / "opcua.toml"
+    nodes: dict[str, list] = {"FIC-101.OP": [], "FIC-101.PV": [], "LIC-7.OUT": []}
+    with serving_opcua(nodes) as (url, _):
+        file.write_text(
+            f'[[sources]]\nname = "dcs"\nkind = "opcua"\nurl = "{url}"\n', encoding="utf-8"
+        )
+        seen = stemwatch("inspect", file, "--pattern", "FIC*", "--write", tmp_path / "plant.toml")
+    assert seen.status == 0, seen.said
+    assert "dcs: 2 tags, 1 valve by their names" in seen.said
+    (valve,) = load_plant(tmp_path / "plant.toml").valves.values()
+    assert (valve.id, valve.tags.op.tag) == ("FIC-101", "ns=2;s=FIC-101.OP")
+
+
 def test_where_the_plant_file_has_every_valve_of_its_archive_nothing_is_to_be_added(
     stemwatch, pi_file: tuple[Path, Served]
 ) -> None:

@@ -6,6 +6,7 @@ import csv
 import gzip
 import json
 import shutil
+import sqlite3
 from pathlib import Path
 from typing import Any
 
@@ -311,6 +312,24 @@ def test_a_failed_first_run_leaves_nothing(
         assert outcome.said.count(why) == 1
         assert not (tmp_path / "out").exists()
         assert list(tmp_path.glob("*.db*")) == []
+
+
+def test_results_that_could_not_be_saved_are_told_by_the_exit_status(
+    screened, one_valve: Path, tmp_path: Path
+) -> None:
+    """The report is there and says them; who starts the command every night learns the rest."""
+    path = tmp_path / "kept.db"
+    with open_store(f"sqlite:///{path}"), sqlite3.connect(path) as raw:
+        raw.execute(
+            "CREATE TRIGGER refused BEFORE INSERT ON screenings "
+            "BEGIN SELECT RAISE(ABORT, 'refused'); END"
+        )
+    raw.close()
+    outcome, valves = screened(one_valve, *PAIR, "--db", f"sqlite:///{path}", "--fail-on", "sticky")
+    assert outcome.status == 2
+    assert verdicts(valves) == {"historian": "sticky"}
+    assert "not saved: refused: historian. The report has these results" in outcome.said
+    assert "Report:" in outcome.out
 
 
 def test_a_failed_run_keeps_the_database_of_the_last_one(

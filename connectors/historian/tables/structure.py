@@ -110,10 +110,12 @@ def _refuse_without_data(rows: Rows, name: str) -> None:
                 f"{name}: {row[0]!r} is no time that can be read; say time_column (--time-column) "
                 "and time_format (--time-format), such as '%d.%m.%Y %H:%M:%S'"
             )
+    searched = min(_HEADER_ROWS, len(rows.cells))
+    where = "its only row" if searched == 1 else f"the first {searched} rows"
     raise UnreadableSource(
-        f"{name}: no row of numbers was found in the first {min(_HEADER_ROWS, len(rows.cells))} "
-        f"rows; the first is {'|'.join(rows.cells[0])[:60]!r}. Expected a time and values in every "
-        "row: this is probably not a recording"
+        f"{name}: no row of numbers was found in {where}; the first is "
+        f"{'|'.join(rows.cells[0])[:60]!r}. Expected a time and values in every row: this is "
+        "probably not a recording"
     )
 
 

@@ -41,6 +41,7 @@ from stemwatch.connectors.historian.times.time_of_day import (
     past_midnight,
     times_of_day,
 )
+from stemwatch.connectors.historian.times.zones import KeepsStandardTime
 from stemwatch.connectors.historian.values.numbers import parse_numbers
 from stemwatch.connectors.historian.values.stored_text import (
     StoredText,
@@ -65,7 +66,10 @@ def read_instants(
     times = table.times
     if times.texts is None:
         return _row_count_instants(table, options, name, notes)
-    instants = _written(table, options, name, notes)
+    try:
+        instants = _written(table, options, name, notes)
+    except KeepsStandardTime as error:
+        raise KeepsStandardTime(f"{name}: {error}") from None
     if table.narrow:
         return _with_cut_stamps_of_tags(instants, table, notes)
     return _with_cut_stamps(instants, table, options, notes)
@@ -88,6 +92,12 @@ def _written(table: RawTable, options: ReadOptions, name: str, notes: ReadingNot
         instants = numeric_instants(texts, table, options, notes)
     if instants is None:
         instants = _dated(texts, table, options, name, notes)
+    if not instants.ok.any() and "ambiguous_hour" in notes.used:
+        raise UnreadableSource(
+            f"{name}: all rows lie in the hour that autumn repeats in {options.zone}, and nothing "
+            'tells in which of the two. Say ambiguous_hour = "first" or "second" for this source '
+            "in the plant file"
+        )
     if not instants.ok.any():
         raise UnreadableSource(
             f"{name}: line {table.numbers[0] if table.numbers else 1}: no row has a time that can "

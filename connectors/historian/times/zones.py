@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.options import AmbiguousHour, MissingHour
 from stemwatch.connectors.historian.raw_table import Index
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
@@ -14,7 +15,8 @@ from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.models.recording import Bools
 from stemwatch.models.words import counted
 
-_HOUR_NS = 3_600_000_000_000
+_MINUTE_NS = 60_000_000_000
+_HOUR_NS = 60 * _MINUTE_NS
 _DAY_NS = 24 * _HOUR_NS
 _ROWS_AT_ONCE = 1 << 20
 
@@ -33,7 +35,8 @@ def to_utc(
     over ``local``: a large export has hundreds of MB of them.
 
     ``groups`` are the rows of each series in file order (``None``: all rows); the repeated hour
-    is told apart within each of them, by the one step backwards between its two passes.
+    is told apart within each of them, by the one step backwards between its two passes. Raises
+    ``KeepsStandardTime``.
     """
     repeated, missing = (np.zeros(local.size, dtype=bool) for _ in range(2))
     passes: list[tuple[Ints, Ints]] = []  # of repeated rows, in order: first and second
@@ -54,7 +57,7 @@ def to_utc(
         _report_repeated(repeated, is_decided, ambiguous_hour, zone, notes)
     if missing.any():
         notes.use("missing_hour")
-        is_placed = _shift(local, missing, is_placed, zone, missing_hour, notes)
+        is_placed = _shift(local, missing, is_placed, zone, missing_hour, groups, notes)
     local[~is_placed] = 0
     return local, is_placed
 
@@ -144,9 +147,11 @@ def _shift(
     is_placed: Bools,
     zone: str,
     policy: MissingHour,
+    groups: Sequence[Index | None],
     notes: ReadingNotes,
 ) -> Bools:
-    """Which rows are placed, with those of the skipped hour moved."""
+    """Which rows are placed, with those of the skipped hour moved by as much as is skipped: half an
+    hour on Lord Howe Island."""
     n = int(missing.sum())
     if policy == "leave_out":
         left_out = _rows(n, f"in the hour that spring skips in {zone}", "left out")
@@ -154,14 +159,59 @@ def _shift(
         return is_placed
     import pandas as pd
 
-    moved = pd.DatetimeIndex((local[missing] + _HOUR_NS).astype("datetime64[ns]"))
-    local[missing] = _ns(moved.tz_localize(zone, ambiguous=True, nonexistent="shift_forward"))
+    skipped = pd.DatetimeIndex(local[missing].astype("datetime64[ns]"))
+    before = skipped.tz_localize(zone, ambiguous=True, nonexistent="shift_backward")
+    winter = before.tz_localize(None).as_unit("ns").to_numpy().astype(np.int64) - _ns(before)
+    after = skipped.tz_localize(zone, ambiguous=True, nonexistent="shift_forward")
+    summer = after.tz_localize(None).as_unit("ns").to_numpy().astype(np.int64) - _ns(after)
+    local[missing] -= winter
+    _refuse_without_summer_time(local, missing, is_placed, zone, groups, int(winter[0]))
+    hours = duration_in_words(int((summer - winter)[0]))
     notes.decide(
         f"{n} rows have times in the hour that spring skips in {zone}; they were shifted forward "
-        "by an hour. If the source keeps standard time all year, give its fixed zone instead, "
-        "such as 'Etc/GMT-1' for one hour east."
+        f"by {hours}. If the source keeps standard time all year, give its fixed zone instead"
+        f"{_fixed_zone(int(winter[0]))}."
     )
     return is_placed | missing
+
+
+def duration_in_words(ns: int) -> str:
+    """By how much clocks are put forward: an hour nearly everywhere."""
+    return "an hour" if ns == _HOUR_NS else f"{ns // _MINUTE_NS} minutes"
+
+
+def _fixed_zone(east_ns: int) -> str:
+    """The zone without summer time that is so far east, as the end of a sentence; empty where there
+    is none of whole hours."""
+    hours, rest = divmod(east_ns, _HOUR_NS)
+    return "" if rest else f", {f'Etc/GMT{-hours:+d}' if hours else 'UTC'!r}"
+
+
+class KeepsStandardTime(UnreadableSource):
+    """The clock of the source was not put forward in spring, as its zone would have it."""
+
+
+def _refuse_without_summer_time(
+    utc: Ints,
+    missing: Bools,
+    is_placed: Bools,
+    zone: str,
+    groups: Sequence[Index | None],
+    winter_ns: int,
+) -> None:
+    """Raise ``KeepsStandardTime`` where rows of the skipped hour, put where they belong, fall among
+    rows of the hour after it: that clock went on evenly, so that what follows is an hour wrong."""
+    for group in groups:
+        rows = slice(None) if group is None else group
+        skipped, others = utc[rows][missing[rows]], utc[rows][is_placed[rows] & ~missing[rows]]
+        for day in np.unique(skipped // _DAY_NS):
+            night = skipped[skipped // _DAY_NS == day]
+            if ((others >= night.min()) & (others <= night.max())).any():
+                raise KeepsStandardTime(
+                    f"its rows go on through the hour that spring skips in {zone}: its clock keeps "
+                    "standard time, and every time in summer would be wrong. Give its fixed zone "
+                    f"instead{_fixed_zone(winter_ns)}"
+                )
 
 
 def after_clock_change(

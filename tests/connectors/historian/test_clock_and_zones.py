@@ -112,6 +112,36 @@ def test_spring_missing_hour_is_shifted_and_said(open_text) -> None:
     assert "1 row in the hour that spring skips in Europe/Berlin was left out" in said(single)
 
 
+def test_the_skipped_half_hour_of_lord_howe_is_shifted_by_half_an_hour(open_text) -> None:
+    """Rows are moved by what is skipped there: an hour would put them on the rows after it."""
+    times = [f"2026-10-04 0{h}:{m:02d}:00" for h, m in ((1, 30), (1, 40), (1, 50), (2, 0), (2, 10))]
+    recording = open_text(wide(times), options=ReadOptions(zone="Australia/Lord_Howe")).read(OP)
+    assert (recording.clock.gaps, len(recording)) == (0, 5)
+    assert "shifted forward by 30 minutes" in said(recording)
+
+
+def test_a_clock_that_goes_on_through_the_skipped_hour_is_refused(open_text) -> None:
+    """Its rows of the skipped hour belong before those of the next one, and all that follow are an
+    hour wrong: shifted, two hours would lie on each other."""
+    times = [f"2026-03-29 0{h}:{m:02d}:00" for h in (1, 2, 3) for m in range(0, 60, 10)]
+    with pytest.raises(UnreadableSource, match=r"a\.csv: .*keeps standard time.*'Etc/GMT-1'$"):
+        open_text(wide(times), "a.csv", BERLIN).read(OP)
+    fixed = open_text(wide(times), "a.csv", ReadOptions(zone="Etc/GMT-1")).read(OP)
+    assert (fixed.clock.gaps, len(fixed)) == (0, 18)
+    put_forward_late = [*times[:12], *(time.replace(" 03:", " 04:") for time in times[12:])]
+    late = open_text(wide(put_forward_late), "a.csv", BERLIN).read(OP)
+    assert (late.clock.gaps, len(late)) == (0, 18)
+
+
+def test_a_file_within_the_repeated_hour_says_why_it_has_no_time(open_text) -> None:
+    """The form of its times is not at fault."""
+    times = [f"2026-10-25 02:{m:02d}:00" for m in range(0, 50, 10)]
+    with pytest.raises(UnreadableSource, match="hour that autumn repeats in Europe/Berlin"):
+        open_text(wide(times), options=BERLIN).read(OP)
+    first = ReadOptions(zone="Europe/Berlin", ambiguous_hour="first")
+    assert len(open_text(wide(times), options=first).read(OP)) == 5
+
+
 def test_mixed_offsets_are_one_clock(open_text) -> None:
     """A file across a clock change with offsets needs no zone."""
     text = wide(

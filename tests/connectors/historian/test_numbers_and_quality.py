@@ -248,7 +248,8 @@ def test_gzip_is_unpacked_and_a_cut_one_read_as_far_as_possible(open_text) -> No
         (b"", "the file is empty"),
         (b"PK\x03\x04rest", "Excel workbook"),
         (bytes(range(256)) * 20, "is not text"),
-        (b"a,b,c\n", "no row of numbers"),
+        (b"a,b,c\n", "no row of numbers was found in its only row; "),
+        (b"a,b,c\nd,e,f\n", "no row of numbers was found in the first 2 rows"),
     ],
 )
 def test_each_unreadable_file_has_its_sentence(open_text, content: bytes, expected: str) -> None:
@@ -369,7 +370,12 @@ def test_mode_words_become_automatic_manual_or_masked(open_text) -> None:
     valve = ValveTags(
         valve="A", tags={Role.OP: TagMapping(tag="A.OP"), Role.MODE: TagMapping(tag="A.MODE")}
     )
-    mode = open_text(text).read(valve).signals[Role.MODE]
+    recording = open_text(text).read(valve)
+    mode = recording.signals[Role.MODE]
+    decisions = recording.provenance.decisions
+    assert [said for said in decisions if "no measurement" in said] == [
+        "A.MODE: left out as no measurement: 'Bad' 1."
+    ]
     assert mode.values[:3].tolist() == [1.0, 0.0, 1.0]
     assert mode.quality[3] == Quality.BAD
 

@@ -28,8 +28,10 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.historian import HistorianFile
+from stemwatch.connectors.historian.tags.tag_names import parse_tag
 from stemwatch.connectors.opcua import OpcUaAddress, Security
 from stemwatch.connectors.opcua.connector import OpcUaSettings, is_bad
+from stemwatch.connectors.opcua.session import FoundNode
 from stemwatch.connectors.secret import Secret
 from stemwatch.models.recording import Quality, Role
 from tests.connectors import example_archives as made
@@ -122,6 +124,26 @@ def test_tags_are_the_nodes_with_a_history(served: tuple[str, Conforming]) -> No
     """Browsed below Objects; a variable without history is none."""
     infos = OpcUaAddress(url=served[0]).open().tags()
     assert {info.tag for info in infos} == {f"{PREFIX}{end}" for end in ("OP", "ZT", "PV")}
+
+
+def test_roles_and_valves_are_proposed_from_the_names_of_nodes(
+    served: tuple[str, Conforming],
+) -> None:
+    """The text of the node id tells loop and role, without the namespace before it."""
+    infos = {info.tag: info for info in OpcUaAddress(url=served[0]).open().tags()}
+    assert {tag: (info.proposed_role, info.proposed_valve) for tag, info in infos.items()} == {
+        f"{PREFIX}OP": (Role.OP, "FIC1"),
+        f"{PREFIX}ZT": (Role.MV, "FIC1"),
+        f"{PREFIX}PV": (Role.PV, "FIC1"),
+    }
+
+
+def test_a_number_for_a_node_id_leaves_its_names_to_tell() -> None:
+    """A variable OP below a block FIC-101 is the output of FIC-101."""
+    node = FoundNode("ns=2;i=1042", "OP", "FIC-101")
+    assert [parse_tag(name).loop for name in node.names()] == ["", "", "FIC-101"]
+    named = FoundNode("ns=2;i=1043", "FIC-102.OP", "Unit 100")
+    assert parse_tag(named.names()[1]).loop == "FIC-102"
 
 
 def test_an_unknown_node_names_the_nearest(served: tuple[str, Conforming]) -> None:

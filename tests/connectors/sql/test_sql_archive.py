@@ -179,6 +179,21 @@ def test_a_list_of_tags_may_have_gaps(tmp_path: Path) -> None:
     assert [(info.tag, info.samples) for info in listed] == [("A", 0), ("B", 7)]
 
 
+def test_roles_and_valves_are_proposed_from_the_names_that_the_query_lists(tmp_path: Path) -> None:
+    """As every other archive proposes them."""
+    url = f"sqlite:///{tmp_path / 'tags.db'}"
+    engine = create_engine(url)
+    with engine.begin() as connection:
+        connection.execute(text("CREATE TABLE tags (tag, unit)"))
+        connection.execute(text("INSERT INTO tags VALUES ('FIC1.OP', '%'), ('FIC1.ZT', NULL)"))
+    engine.dispose()
+    listed = address(url, tags_query="SELECT tag, unit FROM tags").open().tags()
+    assert [(info.tag, info.unit, info.proposed_role, info.proposed_valve) for info in listed] == [
+        ("FIC1.OP", "%", Role.OP, "FIC1"),
+        ("FIC1.ZT", "", Role.MV, "FIC1"),
+    ]
+
+
 def test_texts_are_compared_as_they_are_written(tmp_path: Path) -> None:
     """Texts with a T are not compared with bounds without one: rows would be lost in silence."""
     url = f"sqlite:///{tmp_path / 'iso.db'}"

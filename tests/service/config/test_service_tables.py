@@ -100,6 +100,8 @@ def test_devices_are_part_of_what_verdicts_depend_on(tmp_path: Path) -> None:
         ('[[schedules]]\nname = "s"\ncron = "0 5 * * *"\nevery_s = 60', "both cron and every_s"),
         ('[[schedules]]\nname = "s"\ncron = "5 o\'clock"', "five cron fields"),
         ('[[schedules]]\nname = "s"\ncron = "0 5 * * 8"', "day of week '8'"),
+        ('[[schedules]]\nname = "s"\ncron = "0 5 * * ²"', "day of week '²'"),
+        ('[[schedules]]\nname = "s"\ncron = "0 5 31 4 *"', "no month has the days"),
         ('[[schedules]]\nname = "s"\nevery_s = 1', "10 or more"),
         ('[[schedules]]\nname = "s"\nevery_s = 1e13', "at most ten years"),
         ('[[schedules]]\nname = "s"\nevery_s = 60\nwindow_s = 1e13', "at most ten years"),

@@ -204,6 +204,19 @@ def test_maintenance_of_an_unknown_valve_is_refused(stemwatch, plant: Path) -> N
     assert "nearest: 'FIC-104'" in queued.said
 
 
+@pytest.mark.parametrize(
+    ("valve", "said"),
+    [(STICKY, "becomes the new baseline"), (BLIND, "no baseline without a measured position")],
+)
+def test_what_follows_work_depends_on_whether_the_position_is_measured(
+    stemwatch, plant: Path, valve: str, said: str
+) -> None:
+    """A baseline is a model of how MV follows OP: without MV none is promised."""
+    outcome = stemwatch("maintenance", valve, "--note", "packing renewed", "--plant", plant)
+    assert outcome.status == 0, outcome.said
+    assert said in outcome.said
+
+
 def test_maintenance_that_is_yet_to_come_is_refused(stemwatch, plant: Path) -> None:
     """A slip in the year ends with 2 and names the time as it was read."""
     when = ("--at", "2199-03-02T14:30+00:00")

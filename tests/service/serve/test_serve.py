@@ -15,17 +15,19 @@ from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from stemwatch.connectors.modbus import read_devices
 from stemwatch.models.studies.simulator import demo_plant
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.cli.serve import run_sentence
+from stemwatch.service.cli.serve import _follow, run_sentence
 from stemwatch.service.modbus_plant.live import LivePlant
 from stemwatch.service.modbus_plant.plant_file import plant_toml
 from stemwatch.service.modbus_plant.plant_server import PlantServer
 from stemwatch.service.serve.page_server import CannotListen, listen
+from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import RunState, StoredRun
 from stemwatch.service.store.store import Store
@@ -194,6 +196,43 @@ def test_a_live_plant_is_collected_across_a_kill(live_site: Site) -> None:
         assert state.connected
     process.send_signal(signal.SIGINT)
     assert process.wait(timeout=40) == 0, live_site.log()
+
+
+def test_a_run_is_waited_for_while_its_database_is_away(monkeypatch, capsys) -> None:
+    """The service goes on with it after a restart of PostgreSQL, and so does who waits; but not
+    for ever, and not where no service would go on."""
+    at = datetime(2026, 3, 2, 6, tzinfo=UTC)
+    run = StoredRun(
+        id=7,
+        started=at,
+        finished=at,
+        command="",
+        software_version="",
+        settings_digest="",
+        counts={},
+    )
+
+    class Restarted:
+        answers: list[StoredRun | StoreError]
+
+        def run(self, number: int) -> StoredRun:
+            answer = self.answers.pop(0) if len(self.answers) > 1 else self.answers[0]
+            if isinstance(answer, StoreError):
+                raise answer
+            return answer
+
+    monkeypatch.setitem(_follow.__globals__, "_LOOK_S", 0.001)
+    store: Any = Restarted()
+    away = StoreError("postgresql://db/site: reading failed.")
+    store.answers = [replace(run, finished=None), away, away, run]
+    _follow(store, 7, None, threading.Event())
+    said = " ".join(capsys.readouterr().err.split())
+    assert said.count("goes on with run 7 when it is back") == 1
+    monkeypatch.setitem(_follow.__globals__, "_AWAY_S", 0.02)
+    for working in (None, threading.current_thread()):
+        store.answers = [away]
+        with pytest.raises(StoreError):
+            _follow(store, 7, working, threading.Event())
 
 
 def _owner(store: Store, number: int) -> str:

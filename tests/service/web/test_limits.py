@@ -14,6 +14,7 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 from starlette.applications import Starlette
+from starlette.datastructures import Headers
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
@@ -21,7 +22,7 @@ from starlette.routing import Route
 from stemwatch.service.logs import OnceAMinute
 from stemwatch.service.serve import http_server
 from stemwatch.service.serve.http_server import connection_limit
-from stemwatch.service.web.middleware import LARGEST_BODY, SecurityMiddleware
+from stemwatch.service.web.middleware import LARGEST_BODY, SecurityMiddleware, _unsafe_refusal
 from stemwatch.service.web.site import Site
 from tests.service.web.example_plant import serving, serving_app
 
@@ -126,6 +127,18 @@ def test_bytes_are_counted_as_they_come_whatever_the_headers_say() -> None:
     asyncio.run(app({**scope, "query_string": b""}, receive, send))
     assert sent[0]["status"] == 413
     assert LARGEST_BODY < taken <= LARGEST_BODY + 1000
+
+
+@pytest.mark.parametrize(
+    ("length", "status"), [("²", 411), ("", 411), ("-1", 411), ("9" * 5000, 413), ("70000", 413)]
+)
+def test_a_length_that_is_no_number_of_bytes_is_refused_and_no_fault_of_the_service(
+    length: str, status: int
+) -> None:
+    """A superscript is a digit to Python and no number; thousands of digits are not read at all."""
+    refusal = _unsafe_refusal(Headers({"host": "x", "content-length": length}))
+    assert refusal is not None
+    assert refusal.status_code == status
 
 
 def test_half_a_header_is_waited_for_only_so_long(address, monkeypatch) -> None:

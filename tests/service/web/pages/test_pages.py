@@ -62,6 +62,10 @@ def test_plots_are_called_by_the_signals_in_them(live, client_of):
         page = client_of(site).get(f"/valve?id={STICKY}").text
         assert f"<figcaption>{travel}</figcaption>" in page
         assert f"<figcaption>{loop}</figcaption>" in page
+        # A baseline is a model of how MV follows OP.
+        has_position = site is live
+        assert ("Set the baseline" in page) is has_position
+        assert ("no baseline without a measured position" in page) is not has_position
 
 
 def test_what_the_model_leaves_out_is_on_the_page(live, client):

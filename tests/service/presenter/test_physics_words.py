@@ -1,0 +1,34 @@
+"""What stands above what was found beside S and J."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from stemwatch.models.mismatch.findings import Finding
+from stemwatch.service.presenter.finding import STEM_OF_A_DRIVE, why_no_work
+from stemwatch.service.presenter.physics_words import finding_title
+from tests.service.example_mismatches import named, of_every_kind, second_effect
+
+
+def test_effects_without_rivals_are_named_beside_one_with_rivals() -> None:
+    """Of them the recording leaves nothing open, and their sentences say so."""
+    mismatch = named()
+    assert [len(effect.members) for effect in mismatch.effects] == [1, 2]
+    mixed = replace(mismatch, finding=Finding.CANDIDATES)
+    alone = replace(mixed, effects=(second_effect(),))
+    assert finding_title(mixed) == "named, with candidates that this recording cannot tell apart"
+    assert finding_title(alone) == "candidates that this recording cannot tell apart"
+
+
+def test_the_title_of_what_is_not_known_claims_no_difference() -> None:
+    """The sentence below may say that it cannot be told whether anything is left out."""
+    unknown = next(one for one in of_every_kind() if one.finding is Finding.UNKNOWN)
+    assert finding_title(unknown) == "nothing that can be named"
+
+
+def test_of_a_drive_it_is_said_what_the_stem_is() -> None:
+    """The pages of a servo speak of a stem that it has not got; a valve's need no such word."""
+    drive = replace(named().effects[0], slug="motor_drive", inherent=True)
+    assert "belongs to such a machine" in why_no_work([drive])
+    assert STEM_OF_A_DRIVE in why_no_work([drive])
+    assert STEM_OF_A_DRIVE not in why_no_work([replace(drive, slug="slip_overshoot")])
