@@ -62,6 +62,7 @@ class NoVerdict(StrEnum):
     POSITION_UNRELATED = "position_unrelated"
     SAMPLES_EXCHANGED = "samples_exchanged"
     SLOW_SAMPLING = "slow_sampling"
+    STANDS_ON_A_STOP = "stands_on_a_stop"
     TAGS_SWAPPED = "tags_swapped"
     TOO_SHORT = "too_short"
     # It was fitted, and the fits do not tell: see ``decision``.

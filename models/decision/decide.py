@@ -11,6 +11,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.terms._common import LAG_AS_BUILT_S
 from stemwatch.models.preparation.own_clock import duration, period
 from stemwatch.models.record_checks.data_quality import Obstacle
+from stemwatch.models.record_checks.on_a_stop import STOP_REMEDY, Stop
 from stemwatch.models.record_checks.own_swing import OwnSwing
 from stemwatch.models.record_checks.pulsing_stem import Pulses
 from stemwatch.models.recording import Bools, Floats
@@ -117,6 +118,7 @@ class DecisionEvidence:
     # like the slow actuator that was found; else 0
     shaken: float = 0.0
     S_unseen: float = 0.0  # percent: S that may be there, where noise of OP may shake it loose
+    stop: Stop | None = None  # on which the stem stood, beside which S and J are; unless named
 
     def may_stick_unseen(self, limits: Limits) -> bool:
         """Whether the slow actuator that was found may be a stem that sticks after all."""
@@ -549,6 +551,11 @@ def _cannot_tell(
     )
 
 
+def _stands(stop: Stop) -> Decision:
+    """No verdict on a stem that follows, but not beyond a place."""
+    return _cannot_tell(stop.sentence(), STOP_REMEDY, NoVerdict.STANDS_ON_A_STOP)
+
+
 def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
     """The verdict from the evidence of a recording that has no obstacle.
 
@@ -558,6 +565,14 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
     a free run follows the part that was not fitted, or its residual has a named cause, and the
     position neither swings nor pulses by itself.
     """
+    decision = _beside_a_stop(evidence, limits)
+    if evidence.stop is None or decision.verdict is Verdict.STICKY:
+        return decision
+    return _stands(evidence.stop)
+
+
+def _beside_a_stop(evidence: DecisionEvidence, limits: Limits) -> Decision:
+    """The verdict by what the stem did where it did not stand on a stop."""
     if evidence.changed is not None and _matters(evidence.changed, limits):
         return _changed_within(evidence.changed, evidence.unit_s)
     unexplained = _unexplained(evidence, limits)

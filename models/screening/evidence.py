@@ -14,6 +14,7 @@ from stemwatch.models.decision.shaken_loose import S_unseen, is_sure, may_be_sha
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.record_checks.on_a_stop import Stop
 from stemwatch.models.record_checks.own_swing import OwnSwing, own_swing
 from stemwatch.models.record_checks.pulsing_stem import find_pulses
 from stemwatch.models.recording import Floats, Recording
@@ -25,7 +26,7 @@ from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit
 from stemwatch.models.stickslip.interval import way_in_a_sample
 from stemwatch.models.stickslip.stored_range import range_of_both, range_of_op
 
-GROWING = "growing_stiction"
+GROWING, STOP = "growing_stiction", "travel_stop"
 
 
 def evidence_of(
@@ -68,7 +69,14 @@ def evidence_of(
         rests=is_sure(fitted.dead_bands),
         shaken=_shaken(fitted, mismatch),
         S_unseen=_S_unseen(fitted, S),
+        stop=_stop(fitted, mismatch),
     )
+
+
+def _stop(fitted: FittedRecording, mismatch: Mismatch | None) -> Stop | None:
+    """The stop on which the stem stood, unless it was named."""
+    named = () if mismatch is None else mismatch.effects
+    return None if any(one.slug == STOP for one in named) else fitted.assessment.stop
 
 
 def _cycling_s(recording: Recording) -> float | None:
