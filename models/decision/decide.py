@@ -26,7 +26,7 @@ NO_OFFSET = (0.85, 1.15)
 # Below this gain over a valve without friction a large S is not trusted (held-out log ratio).
 FRICTION_MEAN, FRICTION_T = 0.05, 2.0
 MOST_CONFIDENCE = 0.99  # bootstrap draws do not cover what no model here describes
-EITHER_RANGE = 0.5  # confidence where OP and position may be stored in another range
+EITHER_WAY = 0.5  # confidence where the archive may have stored them otherwise, and S is another
 # From these gains on, friction is certain, however much its slips scatter in time.
 BEYOND_DOUBT_MEAN, BEYOND_DOUBT_T = 0.5, 4.0
 EXPLAINS_AS_WELL = 2.5  # times the residual of the better of noise and NARX
@@ -77,6 +77,7 @@ QUIET_OP = (
     "Set the loop to manual, so that OP rests, and step it by 1 % and then by 5 %, each step held "
     "until the stem rests: a good stem follows both, a sticking one only the larger."
 )
+AVERAGED = "have samples archived, or step OP by 1 % in manual and see whether the stem follows."
 MORE = " (and {} more, see data quality)"  # obstacles that the sentence does not name
 
 
@@ -118,6 +119,10 @@ class DecisionEvidence:
     # like the slow actuator that was found; else 0
     shaken: float = 0.0
     S_unseen: float = 0.0  # percent: S that may be there, where noise of OP may shake it loose
+    # percent: S that may be there, if the archive keeps averages; ``every_s`` seconds from one to
+    # the next
+    S_averaged: float = 0.0
+    every_s: float = 0.0
     stop: Stop | None = None  # on which the stem stood, beside which S and J are; unless named
 
     def may_stick_unseen(self, limits: Limits) -> bool:
@@ -376,7 +381,26 @@ def _healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
         confidence=_share(evidence.S_draws < limits.sticky_S_percent),
     )
     decision = _unless_stored_so(decision, evidence, limits.watch_S_percent)
+    decision = _unless_averaged(decision, evidence, limits)
     return _unless_exchanged(decision, evidence)
+
+
+def _unless_averaged(decision: Decision, evidence: DecisionEvidence, limits: Limits) -> Decision:
+    """``decision`` with half the confidence at most, and with the S that averages may hide, where
+    that is sticky: whether a slow archive keeps averages is not seen on a stem that follows."""
+    hidden, confidence = evidence.S_averaged, decision.confidence
+    if hidden < limits.sticky_S_percent or confidence is None:
+        return decision
+    every = duration(evidence.every_s, evidence.unit_s, "g")
+    return replace(
+        decision,
+        reason=(
+            f"{decision.reason} If the archive keeps averages over {every}, noise of OP within "
+            f"them may hide an S of up to {_percent(hidden)}."
+        ),
+        advice=f"If it keeps averages: {AVERAGED} {decision.advice}",
+        confidence=min(confidence, EITHER_WAY),
+    )
 
 
 def _unless_stored_so(decision: Decision, evidence: DecisionEvidence, limit: float) -> Decision:
@@ -386,7 +410,7 @@ def _unless_stored_so(decision: Decision, evidence: DecisionEvidence, limit: flo
     stored, S = evidence.both_in or evidence.op_in, float(evidence.S.value or 0.0)
     if stored is None or decision.confidence is None or stored.times * S < limit:
         return decision
-    doubted = replace(decision, confidence=min(decision.confidence, EITHER_RANGE))
+    doubted = replace(decision, confidence=min(decision.confidence, EITHER_WAY))
     return _in_either_range(doubted, evidence)
 
 
@@ -426,7 +450,7 @@ def _unless_exchanged(decision: Decision, evidence: DecisionEvidence) -> Decisio
             "Check which tag is OP and which is the position: step OP by hand and see which moves "
             f"first. {decision.advice}"
         ),
-        confidence=min(decision.confidence, EITHER_RANGE),
+        confidence=min(decision.confidence, EITHER_WAY),
     )
 
 

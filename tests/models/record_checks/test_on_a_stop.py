@@ -45,6 +45,7 @@ def signals_of(op, mv) -> Recording:
 
 
 def test_the_place_and_what_op_asked_for_are_told():
+    """Place, side, and OP beyond it; what is left lies below."""
     stop = find_stop(valve(high=55.0))
     assert stop.is_high
     assert abs(stop.place - 55.0) < 0.3
@@ -67,6 +68,7 @@ def test_a_stop_is_no_swapped_tag_and_no_frozen_transmitter(quantised):
 
 
 def test_a_low_stop_and_a_reversed_position_are_told_as_well():
+    """Either end, and a position that falls as OP rises."""
     op = 50.0 + 25.0 * np.sin(np.arange(4000) / 90.0)
     noise = np.random.default_rng(3).normal(0.0, 0.05, op.size)
     low = find_stop(signals_of(op, np.maximum(op, 41.0) + noise))
@@ -78,6 +80,7 @@ def test_a_low_stop_and_a_reversed_position_are_told_as_well():
 
 
 def test_no_stop_at_the_end_of_the_stroke_or_where_the_position_is_in_mm():
+    """The seat holds every valve, and OP in percent cannot be set beside mm."""
     op = 50.0 + 70.0 * np.sin(np.arange(4000) / 90.0)
     assert find_stop(signals_of(op, np.clip(op, 0.0, 100.0))) is None
     in_mm = signals_of(op, np.clip(op, 10.0, 70.0))
@@ -88,6 +91,7 @@ def test_no_stop_at_the_end_of_the_stroke_or_where_the_position_is_in_mm():
 
 @pytest.mark.parametrize(("S", "J"), [(0.3, 0.1), (4.0, 1.0), (8.0, 6.0), (8.0, 0.2)])
 def test_a_stem_that_sticks_or_follows_stands_on_no_stop(S, J):
+    """Its rests are at many places."""
     assert find_stop(valve(S=S, J=J)) is None
 
 
@@ -105,6 +109,7 @@ def test_a_healthy_valve_on_a_stop_has_no_verdict_or_the_stop_as_its_name():
 
 
 def test_a_stem_that_sticks_beside_a_stop_is_sticky():
+    """S is read off the rest of the recording."""
     recording = valve(high=57.0, S=5.0, J=2.0, far=1.5)
     assert find_stop(recording) is not None
     (screening,) = screen([Case(recording=recording)], Options(narx=False, mismatch=False))
