@@ -69,6 +69,7 @@ class NoVerdict(StrEnum):
     FRICTION_DOES_NOT_EXPLAIN = "friction_does_not_explain"
     NOT_FOLLOWED = "not_followed"  # a free run with S and J leaves the held-out part
     POSITION_SWINGS = "position_swings"
+    READING_WANDERS = "reading_wanders"
     SLOW_ACTUATOR = "slow_actuator"  # explains the stem as well as friction does
     S_CHANGED = "S_changed"
     S_UNCERTAIN = "S_uncertain"

@@ -8,12 +8,13 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.limits import Limits
-from stemwatch.models.mismatch.terms._common import LAG_AS_BUILT_S
+from stemwatch.models.mismatch.terms._common import CALIBRATE_FROM_PERCENT, LAG_AS_BUILT_S
 from stemwatch.models.preparation.own_clock import duration, period
 from stemwatch.models.record_checks.data_quality import Obstacle
 from stemwatch.models.record_checks.on_a_stop import STOP_REMEDY, Stop
 from stemwatch.models.record_checks.own_swing import OwnSwing
 from stemwatch.models.record_checks.pulsing_stem import Pulses
+from stemwatch.models.record_checks.wandering_reading import Wander
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.screening_result import Residual
 from stemwatch.models.stickslip.change_of_stiction import ChangeOfStiction
@@ -77,6 +78,10 @@ QUIET_OP = (
     "Set the loop to manual, so that OP rests, and step it by 1 % and then by 5 %, each step held "
     "until the stem rests: a good stem follows both, a sticking one only the larger."
 )
+CHECK_TRANSMITTER = (
+    "Check the position transmitter: clamp or magnet, terminals and moisture, heat from the bonnet "
+    "or the sun. In manual mark the stem and compare its reading hours later."
+)
 AVERAGED = "have samples archived, or step OP by 1 % in manual and see whether the stem follows."
 MORE = " (and {} more, see data quality)"  # obstacles that the sentence does not name
 
@@ -123,6 +128,7 @@ class DecisionEvidence:
     # the next
     S_averaged: float = 0.0
     every_s: float = 0.0
+    wander: Wander | None = None  # of the position reading, where no effect was named
     stop: Stop | None = None  # on which the stem stood, beside which S and J are; unless named
 
     def may_stick_unseen(self, limits: Limits) -> bool:
@@ -575,6 +581,27 @@ def _cannot_tell(
     )
 
 
+def _unless_it_wanders(decision: Decision, evidence: DecisionEvidence) -> Decision:
+    """``decision``, or none where the reading wanders: S and J then stand for that as well. What a
+    stroke check lets pass takes no healthy valve its verdict, and no wander rests and jumps."""
+    wander = evidence.wander
+    if wander is None or evidence.jumps_evident or evidence.rests:
+        return decision
+    said = wander.sentence(evidence.unit_s)
+    if decision.verdict is Verdict.HEALTHY and wander.percent < CALIBRATE_FROM_PERCENT:
+        return replace(
+            decision,
+            reason=f"{decision.reason} {said[0].upper()}{said[1:]}.",
+            advice=f"{decision.advice} {CHECK_TRANSMITTER}",
+        )
+    return _cannot_tell(
+        f"{said}, so S and J would mean nothing",
+        CHECK_TRANSMITTER,
+        NoVerdict.READING_WANDERS,
+        numbers_hold=False,
+    )
+
+
 def _stands(stop: Stop) -> Decision:
     """No verdict on a stem that follows, but not beyond a place."""
     return _cannot_tell(stop.sentence(), STOP_REMEDY, NoVerdict.STANDS_ON_A_STOP)
@@ -589,14 +616,14 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
     a free run follows the part that was not fitted, or its residual has a named cause, and the
     position neither swings nor pulses by itself.
     """
-    decision = _beside_a_stop(evidence, limits)
+    decision = _unless_it_wanders(_by_the_stem(evidence, limits), evidence)
     if evidence.stop is None or decision.verdict is Verdict.STICKY:
         return decision
     return _stands(evidence.stop)
 
 
-def _beside_a_stop(evidence: DecisionEvidence, limits: Limits) -> Decision:
-    """The verdict by what the stem did where it did not stand on a stop."""
+def _by_the_stem(evidence: DecisionEvidence, limits: Limits) -> Decision:
+    """The verdict by what the stem did off any stop, if its reading is true."""
     if evidence.changed is not None and _matters(evidence.changed, limits):
         return _changed_within(evidence.changed, evidence.unit_s)
     unexplained = _unexplained(evidence, limits)

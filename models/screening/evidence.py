@@ -24,6 +24,7 @@ from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.record_checks.on_a_stop import Stop
 from stemwatch.models.record_checks.own_swing import OwnSwing, own_swing
 from stemwatch.models.record_checks.pulsing_stem import find_pulses
+from stemwatch.models.record_checks.wandering_reading import Wander, find_wander
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.screening.fitted_recording import FittedRecording
 from stemwatch.models.screening_result import Residual
@@ -79,7 +80,15 @@ def evidence_of(
         S_unseen=_S_unseen(fitted, S),
         S_averaged=_may_be_there(S_averaged, fitted, S),
         stop=_stop(fitted, mismatch),
+        wander=_wander(fitted, mismatch),
     )
+
+
+def _wander(fitted: FittedRecording, mismatch: Mismatch | None) -> Wander | None:
+    """The wander of the position reading, where nothing was named that may look so."""
+    if mismatch is not None and mismatch.effects:
+        return None
+    return find_wander(fitted.assessment.recording)
 
 
 def _stop(fitted: FittedRecording, mismatch: Mismatch | None) -> Stop | None:
