@@ -31,6 +31,7 @@ from stemwatch.models.signals.forensics import interpolated, quantum
 from stemwatch.models.signals.op_in_steps import op_is_set_in_steps
 from stemwatch.models.signals.percent import without_impossible_values
 from stemwatch.models.signals.runs_of_samples import runs_of
+from stemwatch.models.stickslip.problem import scored_samples
 from stemwatch.models.words import share
 
 NEGLIGIBLE_SHARE = 0.005
@@ -152,7 +153,8 @@ def assess(recording: Recording, limits: Limits) -> Assessment:
 
 def _tells_nothing(beside: Recording, stop: Stop, limits: Limits) -> bool:
     """Whether what is left ``beside`` a stop is too little for a verdict."""
-    if np.count_nonzero(beside.usable) < limits.min_samples:
+    fitted = np.count_nonzero(scored_samples(beside)) if beside.usable.any() else 0
+    if fitted < limits.min_samples:  # pieces between two stands may be too short to fit
         return True
     op = replace(beside.op, values=np.where(stop.on, np.nan, beside.op.values))
     moved = replace(beside, signals={**beside.signals, Role.OP: op})

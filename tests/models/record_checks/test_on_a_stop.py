@@ -108,6 +108,15 @@ def test_a_healthy_valve_on_a_stop_has_no_verdict_or_the_stop_as_its_name():
     assert alone.S.high < 1.5
 
 
+def test_pieces_too_short_to_fit_between_two_stands_are_too_little():
+    """The fit broke down on them."""
+    op = 60.0 + 25.0 * np.sin(np.arange(4000) / 4.0)
+    mv = np.minimum(op, 50.0) + np.random.default_rng(3).normal(0.0, 0.05, op.size)
+    (found,) = screen([Case(recording=signals_of(op, mv))], Options(narx=False, mismatch=False))
+    assert found.no_verdict is NoVerdict.STANDS_ON_A_STOP
+    assert "never rises above it" in found.reason
+
+
 def test_a_stem_that_sticks_beside_a_stop_is_sticky():
     """S is read off the rest of the recording."""
     recording = valve(high=57.0, S=5.0, J=2.0, far=1.5)
