@@ -62,12 +62,14 @@ class NoVerdict(StrEnum):
     POSITION_UNRELATED = "position_unrelated"
     SAMPLES_EXCHANGED = "samples_exchanged"
     SLOW_SAMPLING = "slow_sampling"
+    STANDS_ON_A_STOP = "stands_on_a_stop"
     TAGS_SWAPPED = "tags_swapped"
     TOO_SHORT = "too_short"
     # It was fitted, and the fits do not tell: see ``decision``.
     FRICTION_DOES_NOT_EXPLAIN = "friction_does_not_explain"
     NOT_FOLLOWED = "not_followed"  # a free run with S and J leaves the held-out part
     POSITION_SWINGS = "position_swings"
+    READING_WANDERS = "reading_wanders"
     SLOW_ACTUATOR = "slow_actuator"  # explains the stem as well as friction does
     S_CHANGED = "S_changed"
     S_UNCERTAIN = "S_uncertain"

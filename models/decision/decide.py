@@ -8,11 +8,13 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.limits import Limits
-from stemwatch.models.mismatch.terms._common import LAG_AS_BUILT_S
+from stemwatch.models.mismatch.terms._common import CALIBRATE_FROM_PERCENT, LAG_AS_BUILT_S
 from stemwatch.models.preparation.own_clock import duration, period
 from stemwatch.models.record_checks.data_quality import Obstacle
+from stemwatch.models.record_checks.on_a_stop import STOP_REMEDY, Stop
 from stemwatch.models.record_checks.own_swing import OwnSwing
 from stemwatch.models.record_checks.pulsing_stem import Pulses
+from stemwatch.models.record_checks.wandering_reading import Wander
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.screening_result import Residual
 from stemwatch.models.stickslip.change_of_stiction import ChangeOfStiction
@@ -25,7 +27,7 @@ NO_OFFSET = (0.85, 1.15)
 # Below this gain over a valve without friction a large S is not trusted (held-out log ratio).
 FRICTION_MEAN, FRICTION_T = 0.05, 2.0
 MOST_CONFIDENCE = 0.99  # bootstrap draws do not cover what no model here describes
-EITHER_RANGE = 0.5  # confidence where OP and position may be stored in another range
+EITHER_WAY = 0.5  # confidence where the archive may have stored them otherwise, and S is another
 # From these gains on, friction is certain, however much its slips scatter in time.
 BEYOND_DOUBT_MEAN, BEYOND_DOUBT_T = 0.5, 4.0
 EXPLAINS_AS_WELL = 2.5  # times the residual of the better of noise and NARX
@@ -76,6 +78,11 @@ QUIET_OP = (
     "Set the loop to manual, so that OP rests, and step it by 1 % and then by 5 %, each step held "
     "until the stem rests: a good stem follows both, a sticking one only the larger."
 )
+CHECK_TRANSMITTER = (
+    "Check the position transmitter: clamp or magnet, terminals and moisture, heat from the bonnet "
+    "or the sun. In manual mark the stem and compare its reading hours later."
+)
+AVERAGED = "have samples archived, or step OP by 1 % in manual and see whether the stem follows."
 MORE = " (and {} more, see data quality)"  # obstacles that the sentence does not name
 
 
@@ -117,6 +124,12 @@ class DecisionEvidence:
     # like the slow actuator that was found; else 0
     shaken: float = 0.0
     S_unseen: float = 0.0  # percent: S that may be there, where noise of OP may shake it loose
+    # percent: S that may be there, if the archive keeps averages; ``every_s`` seconds from one to
+    # the next
+    S_averaged: float = 0.0
+    every_s: float = 0.0
+    wander: Wander | None = None  # of the position reading, where no effect was named
+    stop: Stop | None = None  # on which the stem stood, beside which S and J are; unless named
 
     def may_stick_unseen(self, limits: Limits) -> bool:
         """Whether the slow actuator that was found may be a stem that sticks after all."""
@@ -374,7 +387,26 @@ def _healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
         confidence=_share(evidence.S_draws < limits.sticky_S_percent),
     )
     decision = _unless_stored_so(decision, evidence, limits.watch_S_percent)
+    decision = _unless_averaged(decision, evidence, limits)
     return _unless_exchanged(decision, evidence)
+
+
+def _unless_averaged(decision: Decision, evidence: DecisionEvidence, limits: Limits) -> Decision:
+    """``decision`` with half the confidence at most, and with the S that averages may hide, where
+    that is sticky: whether a slow archive keeps averages is not seen on a stem that follows."""
+    hidden, confidence = evidence.S_averaged, decision.confidence
+    if hidden < limits.sticky_S_percent or confidence is None:
+        return decision
+    every = duration(evidence.every_s, evidence.unit_s, "g")
+    return replace(
+        decision,
+        reason=(
+            f"{decision.reason} If the archive keeps averages over {every}, noise of OP within "
+            f"them may hide an S of up to {_percent(hidden)}."
+        ),
+        advice=f"If it keeps averages: {AVERAGED} {decision.advice}",
+        confidence=min(confidence, EITHER_WAY),
+    )
 
 
 def _unless_stored_so(decision: Decision, evidence: DecisionEvidence, limit: float) -> Decision:
@@ -384,7 +416,7 @@ def _unless_stored_so(decision: Decision, evidence: DecisionEvidence, limit: flo
     stored, S = evidence.both_in or evidence.op_in, float(evidence.S.value or 0.0)
     if stored is None or decision.confidence is None or stored.times * S < limit:
         return decision
-    doubted = replace(decision, confidence=min(decision.confidence, EITHER_RANGE))
+    doubted = replace(decision, confidence=min(decision.confidence, EITHER_WAY))
     return _in_either_range(doubted, evidence)
 
 
@@ -424,7 +456,7 @@ def _unless_exchanged(decision: Decision, evidence: DecisionEvidence) -> Decisio
             "Check which tag is OP and which is the position: step OP by hand and see which moves "
             f"first. {decision.advice}"
         ),
-        confidence=min(decision.confidence, EITHER_RANGE),
+        confidence=min(decision.confidence, EITHER_WAY),
     )
 
 
@@ -549,6 +581,32 @@ def _cannot_tell(
     )
 
 
+def _unless_it_wanders(decision: Decision, evidence: DecisionEvidence) -> Decision:
+    """``decision``, or none where the reading wanders: S and J then stand for that as well. What a
+    stroke check lets pass takes no healthy valve its verdict, and no wander rests and jumps."""
+    wander = evidence.wander
+    if wander is None or evidence.jumps_evident or evidence.rests:
+        return decision
+    said = wander.sentence(evidence.unit_s)
+    if decision.verdict is Verdict.HEALTHY and wander.percent < CALIBRATE_FROM_PERCENT:
+        return replace(
+            decision,
+            reason=f"{decision.reason} {said[0].upper()}{said[1:]}.",
+            advice=f"{decision.advice} {CHECK_TRANSMITTER}",
+        )
+    return _cannot_tell(
+        f"{said}, so S and J would mean nothing",
+        CHECK_TRANSMITTER,
+        NoVerdict.READING_WANDERS,
+        numbers_hold=False,
+    )
+
+
+def _stands(stop: Stop) -> Decision:
+    """No verdict on a stem that follows, but not beyond a place."""
+    return _cannot_tell(stop.sentence(), STOP_REMEDY, NoVerdict.STANDS_ON_A_STOP)
+
+
 def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
     """The verdict from the evidence of a recording that has no obstacle.
 
@@ -558,6 +616,14 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
     a free run follows the part that was not fitted, or its residual has a named cause, and the
     position neither swings nor pulses by itself.
     """
+    decision = _unless_it_wanders(_by_the_stem(evidence, limits), evidence)
+    if evidence.stop is None or decision.verdict is Verdict.STICKY:
+        return decision
+    return _stands(evidence.stop)
+
+
+def _by_the_stem(evidence: DecisionEvidence, limits: Limits) -> Decision:
+    """The verdict by what the stem did off any stop, if its reading is true."""
     if evidence.changed is not None and _matters(evidence.changed, limits):
         return _changed_within(evidence.changed, evidence.unit_s)
     unexplained = _unexplained(evidence, limits)

@@ -20,6 +20,15 @@ far more often friction.
 
   (Blom 1958). What of OP's noise the stem follows shakes nothing loose: ``s^2 = var OP - cov(OP,
   MV)``, of second differences.
+- Averages over n scans have lost that noise, and with it the band: a stem that is shaken from end
+  to end of its band within each mean follows OP, on average. What is left of the band is that such
+  a stem is somewhere within it, which differs from one mean to the next. With ``e`` the scatter of
+  what S and J leave of the position
+
+      S that may be there = S that is seen + c sqrt(n) e
+
+  for noise of at least a third of S. A sample is as far off by noise alone, so that this says
+  something of averages only.
 """
 
 from __future__ import annotations
@@ -47,6 +56,11 @@ WIDE, SURE_T, MOSTLY = 1.5, 2.5, 3.0
 # A band that leaves doubt.
 PERHAPS_T = 2.0
 SCAN_S = 1.0  # from one output of a controller to the next, as usual
+# Averages over fewer seconds are seldom kept, and less of the noise is lost in them.
+AVERAGED_FROM_S = 20.0
+# c: `python tests/benchmarks/bench_averaged_band.py` simulates a stem without jumps whose OP has
+# white noise of a third of S. Less noise leaves more of the band to be seen.
+OF_ROOT = 2.6
 # Standard deviations that hundreds of scans reach from end to end, and the share of S that noise
 # must reach to shake the stem loose again and again.
 REACH, OF_S = 6.0, 0.5
@@ -118,6 +132,17 @@ def S_unseen(fit: StickSlipFit, S: float) -> float:
         return S
     span = 2.0 * float(ndtri((scans - 0.375) / (scans + 0.25)))
     return S + span * _not_followed(problem.op, problem.mv, problem.scored)
+
+
+def S_averaged(fit: StickSlipFit, S: float) -> float:
+    """The S that a stem may have which looks like one of ``S``, percent of travel, if a slow
+    archive keeps averages; ``S`` itself in a quick one."""
+    problem = fit.evaluator.problem
+    every_s = _interval_s(fit)
+    if every_s < AVERAGED_FROM_S or not problem.mv_is_percent:
+        return S
+    left = problem.mv - fit.evaluator.simulate(fit.candidate, resynced=True)
+    return S + OF_ROOT * float(np.sqrt(every_s / SCAN_S)) * _scatter(left, problem.scored)
 
 
 def _slowest_s(fit: StickSlipFit) -> float:

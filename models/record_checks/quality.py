@@ -15,6 +15,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.preparation.own_clock import duration
 from stemwatch.models.record_checks.data_quality import DataQuality, Obstacle
 from stemwatch.models.record_checks.frozen import after_the_first, frozen_runs, without_frozen
+from stemwatch.models.record_checks.on_a_stop import Stop, find_stop, stop_obstacle, without_stop
 from stemwatch.models.record_checks.validity_checks import (
     between_pieces,
     foreign_obstacles,
@@ -24,12 +25,13 @@ from stemwatch.models.record_checks.validity_checks import (
     record_obstacles,
     unit_obstacles,
 )
-from stemwatch.models.recording import PERCENT, Recording
+from stemwatch.models.recording import PERCENT, Recording, Role
 from stemwatch.models.signals.excitation import at_limits
 from stemwatch.models.signals.forensics import interpolated, quantum
 from stemwatch.models.signals.op_in_steps import op_is_set_in_steps
 from stemwatch.models.signals.percent import without_impossible_values
 from stemwatch.models.signals.runs_of_samples import runs_of
+from stemwatch.models.stickslip.problem import scored_samples
 from stemwatch.models.words import counted, share
 
 NEGLIGIBLE_SHARE = 0.005
@@ -38,12 +40,14 @@ PUT_TOGETHER = 0.1  # share of holes above which a recording counts as put toget
 
 @dataclass(frozen=True)
 class Assessment:
-    """A recording with its frozen samples masked, the grade of its data, and the obstacles."""
+    """A recording with its frozen samples masked, and those on a ``stop``, the grade of its data,
+    and the obstacles."""
 
-    recording: Recording  # frozen runs masked
+    recording: Recording  # frozen runs and a stop masked
     quality: DataQuality
     obstacles: tuple[Obstacle, ...]
     frozen_share: float
+    stop: Stop | None = None
 
 
 def _drawn_share(recording: Recording) -> float:
@@ -117,7 +121,9 @@ def assess(recording: Recording, limits: Limits) -> Assessment:
     """
     obstacles = unit_obstacles(recording)
     recording = without_impossible_values(recording)
-    runs = frozen_runs(recording)
+    stop = find_stop(recording)
+    # On a stop a coarse reading repeats itself, and is not frozen.
+    runs = [run for run in frozen_runs(recording) if stop is None or not stop.on[run[0]]]
     frozen = sum(b - a - 1 for a, b in runs) / max(len(recording), 1)
     drawn_share = _drawn_share(recording)
     if recording.mv is None or not obstacles:
@@ -125,10 +131,16 @@ def assess(recording: Recording, limits: Limits) -> Assessment:
     unmasked = recording
     if not obstacles:
         recording = without_frozen(recording, after_the_first(runs, len(recording)))
-        obstacles += record_obstacles(frozen, drawn_share, limits) or foreign_obstacles(recording)
+        obstacles += record_obstacles(frozen, drawn_share, limits) or foreign_obstacles(
+            without_stop(recording, stop)
+        )
     # Frozen samples are reported as frozen, and not a second time as missing.
     obstacles += length_obstacles(unmasked if frozen > limits.max_bad_share else recording, limits)
     obstacles += movement_obstacles(recording, limits)
+    if stop is not None and not obstacles:
+        recording = without_stop(recording, stop)
+        if _tells_nothing(recording, stop, limits):
+            obstacles = [stop_obstacle(stop)]
     quality_remarks = (
         _quality_remarks(recording, frozen, drawn_share, limits) if len(recording) else []
     )
@@ -139,7 +151,18 @@ def assess(recording: Recording, limits: Limits) -> Assessment:
         quality=DataQuality(grade=grade, reasons=reasons),
         obstacles=tuple(obstacles),
         frozen_share=frozen,
+        stop=stop,
     )
+
+
+def _tells_nothing(beside: Recording, stop: Stop, limits: Limits) -> bool:
+    """Whether what is left ``beside`` a stop is too little for a verdict."""
+    fitted = np.count_nonzero(scored_samples(beside)) if beside.usable.any() else 0
+    if fitted < limits.min_samples:  # pieces between two stands may be too short to fit
+        return True
+    op = replace(beside.op, values=np.where(stop.on, np.nan, beside.op.values))
+    moved = replace(beside, signals={**beside.signals, Role.OP: op})
+    return bool(movement_obstacles(moved, limits))
 
 
 def with_obstacles(assessment: Assessment, obstacles: Sequence[Obstacle]) -> Assessment:

@@ -4,18 +4,27 @@ which the fit may be misled.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from stemwatch.models.decision import residual
 from stemwatch.models.decision.beside_friction import actuator_takes_s, beside_friction
 from stemwatch.models.decision.decide import DecisionEvidence
 from stemwatch.models.decision.residual import BaselineComparison
-from stemwatch.models.decision.shaken_loose import S_unseen, is_sure, may_be_shaken
+from stemwatch.models.decision.shaken_loose import (
+    S_averaged,
+    S_unseen,
+    is_sure,
+    may_be_shaken,
+)
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.mismatch.measurement.between_samples import ArchiveKind
 from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.record_checks.on_a_stop import Stop
 from stemwatch.models.record_checks.own_swing import OwnSwing, own_swing
 from stemwatch.models.record_checks.pulsing_stem import find_pulses
+from stemwatch.models.record_checks.wandering_reading import Wander, find_wander
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.screening.fitted_recording import FittedRecording
 from stemwatch.models.screening_result import Residual
@@ -25,7 +34,7 @@ from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit
 from stemwatch.models.stickslip.interval import way_in_a_sample
 from stemwatch.models.stickslip.stored_range import range_of_both, range_of_op
 
-GROWING = "growing_stiction"
+GROWING, STOP = "growing_stiction", "travel_stop"
 
 
 def evidence_of(
@@ -57,6 +66,7 @@ def evidence_of(
         op_in=range_of_op(fitted.whole),
         sampling=fitted.archive.reason if fitted.archive is not None else "",
         unit_s=fitted.recording.unit_s,
+        every_s=fitted.recording.interval_s,
         swings=_own_swing(fit, mismatch),
         pulses=find_pulses(fit),
         curve_is_enough=residual.curve_is_enough(fit),
@@ -68,7 +78,23 @@ def evidence_of(
         rests=is_sure(fitted.dead_bands),
         shaken=_shaken(fitted, mismatch),
         S_unseen=_S_unseen(fitted, S),
+        S_averaged=_may_be_there(S_averaged, fitted, S),
+        stop=_stop(fitted, mismatch),
+        wander=_wander(fitted, mismatch),
     )
+
+
+def _wander(fitted: FittedRecording, mismatch: Mismatch | None) -> Wander | None:
+    """The wander of the position reading, where nothing was named that may look so."""
+    if mismatch is not None and mismatch.effects:
+        return None
+    return find_wander(fitted.assessment.recording)
+
+
+def _stop(fitted: FittedRecording, mismatch: Mismatch | None) -> Stop | None:
+    """The stop on which the stem stood, unless it was named."""
+    named = () if mismatch is None else mismatch.effects
+    return None if any(one.slug == STOP for one in named) else fitted.assessment.stop
 
 
 def _cycling_s(recording: Recording) -> float | None:
@@ -106,6 +132,17 @@ def _shaken(fitted: FittedRecording, mismatch: Mismatch | None) -> float:
 
 def _S_unseen(fitted: FittedRecording, S: Estimate) -> float:
     """The S that may be there, percent of OP, where noise of OP shakes the stem loose between
-    samples; 0 where not even S is known."""
+    samples, or within each average of an archive that is known to keep such."""
+    archive, between = fitted.archive, _may_be_there(S_unseen, fitted, S)
+    if archive is None or archive.kind is not ArchiveKind.AVERAGES or archive.kind_open:
+        return between
+    return max(between, _may_be_there(S_averaged, fitted, S))
+
+
+def _may_be_there(
+    hidden: Callable[[StickSlipFit, float], float], fitted: FittedRecording, S: Estimate
+) -> float:
+    """The S that may be ``hidden`` behind the one that is seen, percent of OP; 0 where not even
+    that is known."""
     slope = fitted.op_per_travel
-    return 0.0 if S.value is None else slope * S_unseen(fitted.fit, S.value / slope)
+    return 0.0 if S.value is None else slope * hidden(fitted.fit, S.value / slope)

@@ -142,11 +142,16 @@ class StrokeCurve:
         return " ".join(filter(None, (self._shape(), turned, source, self.remark)))
 
     def proposal(self) -> str:
-        """The line of the plant file that gives this curve, or nothing where it is given already
-        or is not known well enough."""
+        """The line of the plant file that gives this curve, or nothing where it is given already,
+        is not known well enough, or is none that a valve has (``curve_of_points``)."""
         if self.given or not self.slope_known:
             return ""
-        return f'stroke_curve = "{points_of(self)}"'
+        points = points_of(self)
+        try:
+            curve_of_points(points)
+        except ValueError:  # one such line, and a plant file is not read at all
+            return ""
+        return f'stroke_curve = "{points}"'
 
     def _shape(self) -> str:
         begin, low, end, high = self.ends

@@ -230,7 +230,7 @@ def _inspect_archives(
     )
     from stemwatch.service.cli import inspection_views, views
     from stemwatch.service.config import load_plant
-    from stemwatch.service.presenter.wording import valves_counted
+    from stemwatch.models.words import counted
 
     if write is not None and write.resolve().parent != file.resolve().parent:
         raise typer.BadParameter(
@@ -249,9 +249,8 @@ def _inspect_archives(
     for name, infos in tags_of_source.items():
         tags = [ProposedTag.listed(info) for info in infos]
         valves = valves_of(tags)
-        found_tags = "1 tag" if len(tags) == 1 else f"{len(tags)} tags"
-        found_valves = valves_counted(len(valves))
-        views.say_result(f"{name}: {found_tags}, {found_valves} by their names")
+        found = f"{counted(len(tags), 'tag')}, {counted(len(valves), 'valve')}"
+        views.say_result(f"{name}: {found} by their names")
         _show_valves(tags, valves)
         lines += [*valves_toml(tags, name, known), *questions_toml(tags)]
         found |= set(valves)

@@ -54,6 +54,8 @@ KIND_OF = {
     NoVerdict.BAD_SAMPLES: BAD,
     NoVerdict.FRICTION_DOES_NOT_EXPLAIN: UNEXPLAINED,
     NoVerdict.POSITION_SWINGS: UNEXPLAINED,
+    NoVerdict.READING_WANDERS: UNEXPLAINED,
+    NoVerdict.STANDS_ON_A_STOP: UNEXPLAINED,
 }
 
 # A stem that may be stuck fast ranks with the worst sticky ones until somebody has checked it.

@@ -9,6 +9,7 @@ import pytest
 
 import stemwatch
 from stemwatch.models.decision.shaken_loose import (
+    S_averaged,
     S_unseen,
     dead_bands_of,
     is_sure,
@@ -115,9 +116,10 @@ def test_a_quick_archive_is_left_to_the_fits(fit):
     assert not may_be_shaken(quick, None, (SURE,), 5.0)
 
 
-def kept(S: float, noise: float, every: int) -> Recording:
+def kept(S: float, noise: float, every: int, *, averaged: bool = False) -> Recording:
     """A stem with this ``S`` that jumps nowhere, a second late, behind a controller's ``noise`` of
-    OP, percent, of which the archive keeps a sample ``every`` so many seconds for eight hours."""
+    OP, percent, of which the archive keeps a sample ``every`` so many seconds for eight hours, or
+    the average over them."""
     rng = np.random.default_rng(4091)
     scans = 8 * 3600
     moves = np.repeat(rng.uniform(-6.0, 6.0, scans // 600), 600)
@@ -129,6 +131,9 @@ def kept(S: float, noise: float, every: int) -> Recording:
         stem = min(max(stem, op[k - 1] - 0.5 * S), op[k - 1] + 0.5 * S)
     mv[-1] = stem
     mv += 0.05 * rng.standard_normal(scans)
+    if averaged:
+        op, mv = (values.reshape(-1, every).mean(axis=1) for values in (op, mv))
+        return stemwatch.read(op=op, mv=mv, interval_s=float(every), valve="FIC-2")
     return stemwatch.read(op=op[::every], mv=mv[::every], interval_s=float(every), valve="FIC-2")
 
 
@@ -156,6 +161,34 @@ def test_what_may_be_hidden_grows_with_the_noise_that_the_stem_does_not_follow()
     for noise in (0.0, 0.3, 0.6):
         fit = fit_stickslip(kept(0.1, noise, 30))
         assert S_unseen(fit, 0.5) - 0.5 == pytest.approx(4.1 * noise, rel=0.15, abs=0.15)
+
+
+@pytest.mark.parametrize("every", [30, 60])
+def test_a_band_within_averages_is_not_called_healthy_with_confidence(every):
+    """An S of 1.75 % read as 0.0 %, at a confidence of 0.99."""
+    (found,) = screen([Case(recording=kept(1.75, 0.58, every, averaged=True))], Options(narx=False))
+    assert found.verdict in (Verdict.HEALTHY, Verdict.UNDETERMINED)
+    if found.verdict is Verdict.HEALTHY:
+        assert found.confidence <= 0.5
+        assert f"averages over {every} s" in found.reason or "averages over 1 min" in found.reason
+        assert "step OP by 1 % in manual" in found.advice
+
+
+def test_averages_of_a_stem_that_follows_hide_little():
+    """What is left of its position is a transmitter's noise, a fifth of it after 30 s."""
+    (found,) = screen([Case(recording=kept(0.1, 0.3, 30, averaged=True))], Options(narx=False))
+    assert (found.verdict, found.confidence) == (Verdict.HEALTHY, 0.99)
+    assert "averages" not in found.reason
+
+
+def test_what_averages_may_hide_is_the_band_that_was_there():
+    """Read as nothing, and told as what it is, within the factor that the noise leaves open."""
+    for every in (30, 60):
+        fit = fit_stickslip(kept(1.75, 0.58, every, averaged=True))
+        assert fit.S < 0.5
+        assert 1.5 < S_averaged(fit, fit.S) < 3.0
+    quick = fit_stickslip(kept(0.1, 0.3, 5, averaged=True))
+    assert S_averaged(quick, 0.2) == 0.2
 
 
 def test_noise_that_the_stem_follows_hides_nothing():

@@ -505,6 +505,14 @@ def test_points_that_are_no_curve_say_why(text, why):
         curve_of_points(text)
 
 
+def test_a_curve_that_no_plant_file_may_give_is_not_proposed():
+    """``inspect --write`` wrote one that ends at 151 % of travel, and no valve of the plant was
+    screened."""
+    curve = StrokeCurve(op=(0.0, 30.0, 78.0, 97.0), travel=(10.0, 53.0, 95.0, 151.0))
+    assert curve.proposal() == ""
+    assert "0:10" in StrokeCurve(op=(0.0, 30.0, 78.0), travel=(10.0, 53.0, 95.0)).proposal()
+
+
 @for_all(
     st.lists(st.integers(-200, 1200), min_size=2, max_size=12, unique=True),
     st.lists(st.integers(0, 60), min_size=12, max_size=12),
