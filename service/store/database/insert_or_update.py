@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any
 
 from sqlalchemy import Executable
@@ -30,8 +31,10 @@ def upsert(
     ``condition`` is the condition of the unique index over ``key``, if it is a partial index.
     """
     # SQLAlchemy compiles a statement of several rows each time, one of a single row only once.
-    insert = _insert_into(session, table).values(values[0] if len(values) == 1 else values)
-    changed = {name: insert.excluded[name] for name in values[0] if name not in key}
+    is_sqlite = session.get_bind().dialect.name == "sqlite"  # the only other one is PostgreSQL
+    insert = _insert_into(table, is_sqlite).values(values[0] if len(values) == 1 else values)
+    excluded = _excluded(table, is_sqlite)
+    changed = {name: excluded[name] for name in values[0] if name not in key}
     if update and changed:
         statement = insert.on_conflict_do_update(
             index_elements=key, index_where=condition, set_=changed
@@ -41,6 +44,12 @@ def upsert(
     return statement if returning is None else statement.returning(returning)
 
 
-def _insert_into(session: Session, table: type[TableBase]) -> _Insert:
-    is_sqlite = session.get_bind().dialect.name == "sqlite"  # the only other one is PostgreSQL
+def _insert_into(table: type[TableBase], is_sqlite: bool) -> _Insert:
     return sqlite.insert(table) if is_sqlite else postgresql.insert(table)
+
+
+@cache
+def _excluded(table: type[TableBase], is_sqlite: bool) -> Mapping[str, Any]:
+    """The columns of the row that was not inserted, by name: the same of every statement, but made
+    anew by each, which takes longer than all the rest of it."""
+    return dict(_insert_into(table, is_sqlite).excluded.items())

@@ -11,7 +11,11 @@ from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import scored
 from stemwatch.models.mismatch.likelihood.breakaway_filter import GIVEN_UP
 from stemwatch.models.mismatch.likelihood.maximum_likelihood import BEHIND, RecordLikelihood
-from stemwatch.models.mismatch.search.named_by_likelihood import AHEAD, _worth_a_search
+from stemwatch.models.mismatch.search.named_by_likelihood import (
+    AHEAD,
+    MORE_ROUNDS,
+    _worth_a_search,
+)
 from stemwatch.models.mismatch.search.term_selection import Named
 from stemwatch.models.mismatch.terms import catalogue
 from tests.models.mismatch.fitted_chain import (
@@ -72,10 +76,11 @@ def test_slopes_are_differences_of_single_points() -> None:
         assert slope == pytest.approx(there - at.by_block, abs=1e-9)
 
 
-def test_only_terms_that_begin_ahead_are_climbed(monkeypatch) -> None:
-    """Of the whole catalogue six at most, and a lag that is there among them."""
-    recording = simulated_by_chain(S=5.0, J=1.5, actuator_lag=[3.0])
-    evaluator = evaluator_of(recording)
+def first_looks(monkeypatch, **effects):
+    """The terms that are climbed from in first looks at the whole catalogue, each with its rounds,
+    and the looks that are worth a search.
+    """
+    evaluator = evaluator_of(simulated_by_chain(S=5.0, J=1.5, **effects))
     quick, layout = RecordLikelihood(evaluator, 4), evaluator.layout(hypothesis())
     row = candidate(layout, 5.0, 1.5)
     fitted = conclude(evaluator, scored(layout, np.vstack((row, row))))
@@ -84,13 +89,26 @@ def test_only_terms_that_begin_ahead_are_climbed(monkeypatch) -> None:
     alone = quick.maximised(layout, [point])
     climbed, climbs = [], RecordLikelihood.climbed
 
-    def counted(self, begun, *rounds):
-        climbed.append(begun.layout.hypothesis.slugs)
-        return climbs(self, begun, *rounds)
+    def counted(self, begun, rounds):
+        climbed.append((*begun.layout.hypothesis.slugs, rounds))
+        return climbs(self, begun, rounds)
 
     monkeypatch.setattr(RecordLikelihood, "climbed", counted)
     terms = [term for slug, term in catalogue().items() if slug != "motor_drive"]
-    looks = _worth_a_search(quick, alone, named, terms)
-    assert len(set(climbed)) <= AHEAD
-    assert ("actuator_lag",) in climbed
+    return climbed, _worth_a_search(quick, alone, named, terms)
+
+
+def test_only_terms_that_begin_ahead_are_climbed(monkeypatch) -> None:
+    """Of the whole catalogue six at most, and a lag that is there among them."""
+    climbed, looks = first_looks(monkeypatch, actuator_lag=[3.0])
+    assert len({slug for slug, _ in climbed}) <= AHEAD
+    assert {("actuator_lag", 1), ("actuator_lag", MORE_ROUNDS)} <= set(climbed)
     assert any("actuator_lag" in look.layout.places for look in looks)
+
+
+def test_terms_that_gain_little_in_their_first_step_are_climbed_no_further(monkeypatch) -> None:
+    """Where nothing is hidden that is most of those that begin ahead."""
+    climbed, looks = first_looks(monkeypatch)
+    assert [rounds for _, rounds in climbed].count(1) == AHEAD
+    assert [rounds for _, rounds in climbed].count(MORE_ROUNDS) < 0.5 * AHEAD
+    assert not looks
