@@ -56,7 +56,7 @@ RESTICKS, RESTICKS_WITH = (0.0, 0.03, 0.06, 0.1, 0.16), (0.03, 0.1)
 SIZES, USUAL = (0.1, 0.2, 0.35, 0.6), (0.0, 0.7, 1.4, 2.1, 2.8)
 LEAST_J = 0.02  # percent
 LOOKS, CLIMBED, FEW_ROUNDS = 8, 3, 2  # points that are looked at, and searched on
-EXCHANGES, WORTH_ANOTHER = 2, 0.3
+EXCHANGES, WORTH_ANOTHER = 3, 0.3
 
 
 def dwell_by_likelihood(named: Named, terms: Sequence[Term]) -> Named:
@@ -127,12 +127,14 @@ def compared_with_dwell(likelihood: RecordLikelihood, simple: Fitted, term: Term
     alone = _searched(likelihood, alone.layout, starts, alone)
     layout = evaluator.layout(simple.layout.hypothesis.plus(term))
     rich = _searched(likelihood, layout, _with(alone, layout, _scales(alone, first)))
-    for _ in range(EXCHANGES):
+    for exchange in range(EXCHANGES):
         before = alone.total
         less = carried_over(on_both(layout, rich.candidate), alone.layout)[0]
-        starts = _without(less, _scales(rich, first))
-        alone = _searched(likelihood, alone.layout, starts, alone)
-        if alone.total - before < WORTH_ANOTHER:
+        as_with = likelihood.maximised(alone.layout, [np.append(less, rich.of_record)])
+        alone = max(alone, as_with, key=lambda one: one.total)
+        alone = _searched(likelihood, alone.layout, _without(less, _scales(rich, first)), alone)
+        # The record without dwell has the last word: it must have been begun from all with it.
+        if alone.total - before < WORTH_ANOTHER or exchange == EXCHANGES - 1:
             break
         starts = _with(alone, layout, (alone.of_record, rich.of_record))
         rich = _searched(likelihood, layout, starts, rich)
