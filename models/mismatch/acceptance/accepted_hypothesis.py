@@ -51,6 +51,10 @@ from stemwatch.models.mismatch.prepared_recording import (
 from stemwatch.models.mismatch.search.drive import TERMS as OF_A_DRIVE
 from stemwatch.models.mismatch.search.drive import is_refuted, name_drive, starts_of_first_part
 from stemwatch.models.mismatch.search.dwell_beside import with_dwell
+from stemwatch.models.mismatch.search.dwell_by_likelihood import (
+    dwell_by_likelihood,
+    without_unlikely_dwell,
+)
 from stemwatch.models.mismatch.search.named_by_likelihood import (
     named_by_likelihood,
     shown_by_likelihood,
@@ -153,9 +157,12 @@ class _AskedOfTheWhole:
         self._may_stick = own_reading and RESTICK in self.sticking
         self._sliding: Named | None = None
         self._once_more = False  # whether the likelihood is asked beside what it has shown
+        self._own_reading = self._may_dwell = own_reading
 
     def asked(self, named: Named, terms: Mapping[str, Term], stand: AbstractSet[str]) -> Named:
         """``named`` with what is found next, beside the effects that ``stand``; else as it was."""
+        if self._own_reading and (fewer := without_unlikely_dwell(named)) is not named:
+            return fewer
         for question in tuple(self._left):
             if question is with_dwell and not stand:
                 continue  # alone it has been looked for
@@ -173,10 +180,16 @@ class _AskedOfTheWhole:
             if more is not named:
                 return more
         # Last, for a delay or a lag that was not looked for makes a stem seem to stick again.
-        if not self._may_stick or stand & set(STICKS_AGAIN):
+        if self._may_stick and not stand & set(STICKS_AGAIN):
+            self._may_stick, self._sliding = False, named
+            more = sticking_by_likelihood(named)
+            if more is not named:
+                return more
+        # A stem that is seen to stick again, or anything else, makes some rests look like dwell.
+        if stand or not self._may_dwell:
             return named
-        self._may_stick, self._sliding = False, named
-        return sticking_by_likelihood(named)
+        self._may_dwell = False
+        return dwell_by_likelihood(named, of_the_valve(terms))
 
     def sliding(self, named: Named) -> Named:
         """``named`` as it was before the likelihood showed a stem that sticks again."""

@@ -153,9 +153,9 @@ def named_by_likelihood(named: Named, terms: Sequence[Term]) -> Named:
     dispensable, left = _dispensable(likelihood, named, best)
     if dispensable:
         lacking = _lacking(named, dispensable, left)
-        return _with(likelihood, lacking, [replace(best, rich=left)], best.evidence)
+        return named_with(likelihood, lacking, [replace(best, rich=left)], best.evidence)
     members = [best, *(one for one in others if _as_likely(best, one))]
-    return _with(likelihood, named, members, best.evidence)
+    return named_with(likelihood, named, members, best.evidence)
 
 
 def shown_by_likelihood(named: Named) -> bool:
@@ -557,7 +557,7 @@ def _lacking(named: Named, slugs: set[str], left: Likeliest) -> Named:
     return replace(named, fitted=fitted, needed=needed)
 
 
-def _with(
+def named_with(
     likelihood: RecordLikelihood,
     named: Named,
     members: Sequence[Compared],

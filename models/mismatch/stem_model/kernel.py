@@ -410,7 +410,7 @@ def _wander_and_rest(
     they were ``seen`` (MV, MV one sample ago, and the mark), within the band that their force
     allows.
     """
-    (now, ago, mark), (friction, force, _, wander) = seen, tables
+    (now, ago, mark), (friction, force, breakaway, wander) = seen, tables
     start = mark == _START
     for lane in range(numbers.shape[0]):
         i, q = np.uint64(lane), numbers[lane]
@@ -425,6 +425,8 @@ def _wander_and_rest(
         if q[stem_number.BY_PLACE] != 0.0:
             band += abs(table_value(friction, lane, z)) + abs(table_value(force, lane, z))
             band += q[stem_number.HYSTERESIS]
+        if q[stem_number.BY_REST] != 0.0 and not start:
+            band += breakaway[lane, int(s[row.RESTED + i])]
         z = min(max(z, laid_out[lane] - band), laid_out[lane] + band)
         # At a RESYNC it rests within the play of its reading.
         s[row.X + i] = z if start else min(max(s[row.X + i], z - half), z + half)

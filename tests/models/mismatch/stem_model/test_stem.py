@@ -140,6 +140,23 @@ def test_a_resting_stem_is_put_where_the_reading_was_and_a_moving_one_is_left_al
     np.testing.assert_allclose(moving[3:], ramp[3:] - 1.5, atol=1e-9)
 
 
+def test_a_stem_that_its_rest_holds_is_left_where_it_is():
+    """RESYNC leaves a stem where the reading was if the force is beyond its own level, but not
+    beyond what its rest has added to that; beyond both it is put at their edge."""
+    p = np.concatenate(([50.0] * 20, np.linspace(50.0, 53.5, 20), [53.5] * 10))
+    marks = np.zeros(p.size, dtype=np.uint8)
+    marks[[0, 45]] = kernel.START, kernel.RESYNC
+    for read, place in ((50.0, 50.0), (45.0, 53.5 - 4.5)):
+        stem = Stem.neutral(p.size, 1.0)
+        stem.numbers[stem_number.BY_REST] = 1.0
+        stem.breakaway[:] = np.minimum(0.1 * np.arange(p.size + 1), 2.0)
+        mv = np.full(p.size, 50.0)
+        mv[44] = read
+        seen, _ = run(p, mv=mv, marks=marks, stem=stem, S=4.0, J=1.0)
+        np.testing.assert_allclose(seen[:45], 50.0, atol=1e-12)
+        np.testing.assert_allclose(seen[45], place, atol=1e-12)
+
+
 def test_with_drag_the_stem_goes_on_after_the_command_has_turned():
     """The lag to ``p - fd`` decays by exp(-1/5) a sample, whether the command has turned or not."""
     up = np.concatenate(([40.0], np.full(5, 60.0)))

@@ -1,0 +1,202 @@
+"""Dwell that only the likelihood of the whole record shows, where nothing else is named.
+
+Dwell raises the breakaway and leaves the sliding level as it is. So does any breakaway that comes
+late by chance: trajectories of S and J, which hold a level as high as after the usual rest, follow
+such a stem nearly as well. The breakaways that are seen tell the two apart if they are many and
+their moments are known; behind noise, coarse steps or an archive that draws lines they are not. The
+likelihood weighs all moments at which the stem may have let go.
+
+What looks like dwell is mostly a search without it that has ended at too low a breakaway level: the
+stem holds more than that after most rests, the long ones first. Where the stem comes to rest tells
+the sliding level, ``(S - J)/2``, and a search hardly leaves it. So either of the two is begun from
+many breakaway levels at the sliding level that was found, and again from where the other ended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from stemwatch.models.mismatch.fit.base_coordinate import RATIO, RESTICK, S_PERCENT, S_and_J
+from stemwatch.models.mismatch.fit.crossfit import Fitted, on_both
+from stemwatch.models.mismatch.fit.evaluator import CoordinateLayout, Evaluator
+from stemwatch.models.mismatch.likelihood.maximum_likelihood import (
+    Likeliest,
+    LikelihoodEvidence,
+    RecordLikelihood,
+)
+from stemwatch.models.mismatch.search.breakaway_levels import DWELL, breakaway_evidence
+from stemwatch.models.mismatch.search.named_by_likelihood import (
+    FEW_COURSES,
+    Compared,
+    leaves_something,
+    less_scattered,
+    named_with,
+    points_at,
+    scatter_matters,
+)
+from stemwatch.models.mismatch.search.other_coordinates import carried_over
+from stemwatch.models.mismatch.search.term_selection import Named, lacking
+from stemwatch.models.mismatch.term import Term
+from stemwatch.models.recording import Floats
+
+# Least gain and t of dwell alone: `python -m tests.benchmarks.bench_dwell` counts what valves with
+# nothing hidden reach.
+LEAST_GAIN, LEAST_T = 8.0, 2.0
+LEAST_Z = 0.5  # of the breakaways, where they tell of dwell
+LEAST_OF_NAMED = 4.5  # gain by a dwell that trajectories or breakaways have named: a score of 3
+# Breakaway levels without and with dwell, times the one that was found.
+LEVELS, LEVELS_WITH = (0.8, 0.9, 1.0, 1.1, 1.2, 1.35, 1.5, 1.75), (0.9, 1.0, 1.1, 1.3)
+# Speeds below which a stem sticks again, %/s, beside the one that was found: each has its levels.
+RESTICKS, RESTICKS_WITH = (0.0, 0.03, 0.06, 0.1, 0.16), (0.03, 0.1)
+# Dwell, percent per e-fold of rest, and how many e-folds the usual rest may be.
+SIZES, USUAL = (0.1, 0.2, 0.35, 0.6), (0.0, 0.7, 1.4, 2.1, 2.8)
+LEAST_J = 0.02  # percent
+LOOKS, CLIMBED, FEW_ROUNDS = 8, 3, 2  # points that are looked at, and searched on
+EXCHANGES, WORTH_ANOTHER = 3, 0.3
+
+
+def dwell_by_likelihood(named: Named, terms: Sequence[Term]) -> Named:
+    """``named``, of which nothing is needed, with dwell if the likelihood shows it; else as it
+    was."""
+    term = next((term for term in terms if term.slug == DWELL), None)
+    if term is None or named.needed or named.sticks_again is not None:
+        return named
+    evaluator, fitted = named.evaluator, named.fitted
+    if not scatter_matters(evaluator, fitted) or _breakaways_contradict(evaluator, fitted):
+        return named
+    likelihood = RecordLikelihood(evaluator)
+    one = compared_with_dwell(likelihood, fitted, term)
+    if not shows_dwell(one, evaluator, fitted):
+        return named
+    return named_with(likelihood, named, [one], _by_own_limits(one))
+
+
+def without_unlikely_dwell(named: Named) -> Named:
+    """``named`` without a dwell that trajectories have shown, and breakaways or the likelihood
+    contradict; else as it was."""
+    needed = next((one for one in named.needed if one.term.slug == DWELL), None)
+    if needed is None or needed.likelihood is not None:
+        return named
+    evaluator, without = named.evaluator, needed.without
+    if not scatter_matters(evaluator, without):
+        return named
+    if not _breakaways_contradict(evaluator, without):
+        one = compared_with_dwell(RecordLikelihood(evaluator), without, needed.term)
+        if one.evidence.gain >= LEAST_OF_NAMED:
+            return named
+    return lacking(named, {DWELL})
+
+
+def _by_own_limits(one: Compared) -> LikelihoodEvidence:
+    """The evidence for dwell, whose strength is 1 at the limits of dwell alone."""
+    gain, t = one.evidence.gain, one.evidence.t
+    return LikelihoodEvidence(gain, t, min(gain / LEAST_GAIN, t / LEAST_T))
+
+
+def shows_dwell(one: Compared, evaluator: Evaluator, fitted: Fitted) -> bool:
+    """Whether the record is more likely with dwell than records with nothing hidden are, the size
+    matters, nothing else is left beside it, and the breakaways beside what is ``fitted`` do not
+    contradict it."""
+    size = one.rich.candidate[one.rich.layout.places[DWELL]]
+    return (
+        _by_own_limits(one).strength >= 1.0
+        and one.term.material(size, evaluator.summary)
+        and not leaves_something(one.rich, evaluator)
+        and not _breakaways_contradict(evaluator, fitted)
+    )
+
+
+def _breakaways_contradict(evaluator: Evaluator, fitted: Fitted) -> bool:
+    """Whether the breakaways tell of dwell, and show none."""
+    seen_of = {seen.slug: seen for seen in breakaway_evidence(evaluator, fitted)}
+    return DWELL in seen_of and seen_of[DWELL].z < LEAST_Z
+
+
+def compared_with_dwell(likelihood: RecordLikelihood, simple: Fitted, term: Term) -> Compared:
+    """The record as ``simple`` has it and with dwell, each at the most likely parameters that are
+    found."""
+    evaluator, first = likelihood.evaluator, likelihood.first_of_record
+    quick, points = replace(likelihood, courses=FEW_COURSES), points_at(simple, first)
+    begun = less_scattered(quick, quick.maximised(simple.layout, points))
+    alone = likelihood.maximised(simple.layout, [begun.point, *points])
+    starts = _without(alone.candidate, _scales(alone, first))
+    alone = _searched(likelihood, alone.layout, starts, alone)
+    layout = evaluator.layout(simple.layout.hypothesis.plus(term))
+    rich = _searched(likelihood, layout, _with(alone, layout, _scales(alone, first)))
+    for exchange in range(EXCHANGES):
+        before = alone.total
+        less = carried_over(on_both(layout, rich.candidate), alone.layout)[0]
+        as_with = likelihood.maximised(alone.layout, [np.append(less, rich.of_record)])
+        alone = max(alone, as_with, key=lambda one: one.total)
+        alone = _searched(likelihood, alone.layout, _without(less, _scales(rich, first)), alone)
+        # The record without dwell has the last word: it must have been begun from all with it.
+        if alone.total - before < WORTH_ANOTHER or exchange == EXCHANGES - 1:
+            break
+        starts = _with(alone, layout, (alone.of_record, rich.of_record))
+        rich = _searched(likelihood, layout, starts, rich)
+    return Compared(term, alone, rich)
+
+
+def _scales(at: Likeliest, first: Floats) -> tuple[Floats, ...]:
+    """Noise and scatter to begin with: as at a point, those to begin any search with, and less
+    scatter, which a wrong level has made too large."""
+    return at.of_record, first, at.of_record - np.array([0.0, np.log(2.0)])
+
+
+def _searched(
+    likelihood: RecordLikelihood,
+    layout: CoordinateLayout,
+    points: Iterable[Floats],
+    known: Likeliest | None = None,
+) -> Likeliest:
+    """The most likely point that is found from many, or the one that is ``known``."""
+    quick = replace(likelihood, courses=FEW_COURSES)
+    looks = (quick.climbed(one, FEW_ROUNDS) for one in quick.ranked(layout, points)[:LOOKS])
+    begun = sorted(looks, key=lambda one: -one.total)[:CLIMBED]
+    found = [likelihood.maximised(layout, [one.point]) for one in begun]
+    return max([*found, *([known] if known else [])], key=lambda one: one.total)
+
+
+def _at_levels(row: Floats, times: Sequence[float]) -> Iterator[Floats]:
+    """A row (size,) at ``times`` its breakaway level, with its sliding level."""
+    S, J = S_and_J(row)
+    sliding = 0.5 * (S - J)
+    for part in times:
+        breakaway = max(part * 0.5 * (S + J), sliding + LEAST_J)
+        other = row.copy()
+        other[S_PERCENT] = breakaway + sliding
+        other[RATIO] = (breakaway - sliding) / (breakaway + sliding)
+        yield other
+
+
+def _without(row: Floats, scales: Sequence[Floats]) -> Iterator[Floats]:
+    """Points (size + 2,) without dwell about a row (size,)."""
+    for other in _at_levels(row, LEVELS):
+        for restick in {float(row[RESTICK]), *RESTICKS}:
+            other[RESTICK] = restick
+            for of_record in scales:
+                yield np.append(other, of_record)
+
+
+def _with(alone: Likeliest, layout: CoordinateLayout, scales: Sequence[Floats]) -> Iterator[Floats]:
+    """Points (size + 2,) with dwell about the record ``alone``, whose breakaway is that after the
+    usual rest."""
+    place = layout.places[DWELL].start
+    none = carried_over(on_both(alone.layout, alone.candidate), layout)[0]
+    yield np.append(none, alone.of_record)
+    resticks = {float(none[RESTICK]), *RESTICKS_WITH}
+    for row, size, usual in product(_at_levels(none, LEVELS_WITH), SIZES, USUAL):
+        S, J = S_and_J(row)
+        J_left = J - usual * size
+        if J_left <= LEAST_J:
+            continue
+        for restick, of_record in product(resticks, scales):
+            other = row.copy()
+            other[S_PERCENT] = S - usual * size
+            other[RATIO] = J_left / other[S_PERCENT]
+            other[place], other[RESTICK] = size, restick
+            yield np.append(other, of_record)

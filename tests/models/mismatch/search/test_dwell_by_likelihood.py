@@ -1,0 +1,84 @@
+"""Dwell that only the likelihood of the whole record shows; and what must not be taken for it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stemwatch.models.mismatch.explain import explain
+from stemwatch.models.mismatch.fit.base_coordinate import S_and_J
+from stemwatch.models.mismatch.fit.batched_search import conclude
+from stemwatch.models.mismatch.fit.crossfit import scored
+from stemwatch.models.mismatch.likelihood.maximum_likelihood import RecordLikelihood
+from stemwatch.models.mismatch.search.breakaway_levels import DWELL
+from stemwatch.models.mismatch.search.dwell_by_likelihood import (
+    LEAST_GAIN,
+    compared_with_dwell,
+    shows_dwell,
+)
+from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.studies.simulator.hidden import draw_hidden, draw_nulls
+from tests.models.mismatch.fitted_chain import (
+    candidate,
+    evaluator_of,
+    hypothesis,
+    simulated_by_chain,
+)
+
+
+def compared(recording, S, J):
+    """The record without and with dwell, begun at S and J alone; and whether dwell passes."""
+    evaluator = evaluator_of(recording)
+    row = candidate(evaluator.layout(hypothesis()), S, J)
+    layout = evaluator.layout(hypothesis())
+    fitted = conclude(evaluator, scored(layout, np.vstack((row, row))))
+    one = compared_with_dwell(RecordLikelihood(evaluator), fitted, catalogue()[DWELL])
+    return one, shows_dwell(one, evaluator, fitted)
+
+
+def test_dwell_in_noise_gives_back_s_and_j():
+    """Begun from the level after the usual rest, S and J become those before any rest."""
+    recording = simulated_by_chain(noise=0.3, samples=3600, dwell_dependent_breakaway=[0.4])
+    one, shown = compared(recording, 4.6, 1.8)
+    assert shown
+    S, J = S_and_J(one.rich.candidate)
+    assert abs(S - 4.0) + abs(J - 1.2) < 0.5
+    assert one.rich.candidate[one.rich.layout.places[DWELL]][0] == pytest.approx(0.4, rel=0.4)
+
+
+@pytest.mark.parametrize("place", [32, pytest.param(53, marks=pytest.mark.long)])
+def test_a_level_that_was_found_too_low_is_no_dwell(place):
+    """On two valves with nothing hidden S and J alone end at a J of about a third of the true one,
+    and long rests hold more than that. Begun from many levels, they end at the true ones."""
+    case = draw_nulls(place + 1, 4063)[place]
+    valve = case.loop.valve
+    one, shown = compared(case.simulated().recording, 0.78 * valve.S_read, 0.35 * valve.J_read)
+    assert not shown
+    assert one.evidence.gain < LEAST_GAIN
+    assert S_and_J(one.simple.candidate) == pytest.approx((valve.S_read, valve.J_read), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("seed", "place"), [(4090, 22), pytest.param(2124, 22, marks=pytest.mark.long)]
+)
+def test_dwell_behind_an_archive_that_draws_lines_is_named(seed, place):
+    """No moment of a breakaway is known there. S comes nearer to the true one."""
+    case = draw_hidden(place + 1, seed)[place]
+    run = case.simulated()
+    mismatch = explain(run.recording)
+    (effect,) = mismatch.effects
+    assert effect.members == (DWELL,)
+    assert effect.evidence.likelihood_gain >= LEAST_GAIN
+    assert effect.evidence.strength >= 1.0
+    assert mismatch.restated.S.value == pytest.approx(case.loop.valve.S_read, rel=0.15)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("seed", "place"), [(4063, 78), (4063, 84), (4071, 18)])
+def test_what_breakaways_or_likelihood_contradict_is_not_named(seed, place):
+    """Nothing is hidden. A record that a single moment makes unlikely seems to show dwell, but its
+    breakaways show none; bristles show it to trajectories, and not to the likelihood, or not by
+    their breakaways.
+    """
+    run = draw_nulls(place + 1, seed)[place].simulated()
+    assert not explain(run.recording).effects
