@@ -26,6 +26,7 @@ import numpy as np
 from stemwatch.models.record_checks.data_quality import Obstacle
 from stemwatch.models.recording import PERCENT, Bools, Floats, Quality, Recording, Role
 from stemwatch.models.signals.forensics import noise_sigma, quantum
+from stemwatch.models.verdict import NoVerdict
 from stemwatch.models.words import share
 
 STOP_REMEDY = (
@@ -77,7 +78,7 @@ class Stop:
 
 def stop_obstacle(stop: Stop) -> Obstacle:
     """A stop on which the stem stood for so long that what is left tells nothing."""
-    return Obstacle("stands_on_a_stop", stop.sentence(), STOP_REMEDY)
+    return Obstacle(NoVerdict.STANDS_ON_A_STOP, stop.sentence(), STOP_REMEDY)
 
 
 def find_stop(recording: Recording) -> Stop | None:

@@ -228,9 +228,9 @@ def _inspect_archives(
         valves_of,
         valves_toml,
     )
+    from stemwatch.models.words import counted
     from stemwatch.service.cli import inspection_views, views
     from stemwatch.service.config import load_plant
-    from stemwatch.models.words import counted
 
     if write is not None and write.resolve().parent != file.resolve().parent:
         raise typer.BadParameter(
@@ -249,8 +249,8 @@ def _inspect_archives(
     for name, infos in tags_of_source.items():
         tags = [ProposedTag.listed(info) for info in infos]
         valves = valves_of(tags)
-        found = f"{counted(len(tags), 'tag')}, {counted(len(valves), 'valve')}"
-        views.say_result(f"{name}: {found} by their names")
+        number = f"{counted(len(tags), 'tag')}, {counted(len(valves), 'valve')}"
+        views.say_result(f"{name}: {number} by their names")
         _show_valves(tags, valves)
         lines += [*valves_toml(tags, name, known), *questions_toml(tags)]
         found |= set(valves)
