@@ -107,7 +107,8 @@ def without_stop(recording: Recording, stop: Stop | None) -> Recording:
 
 def _rises_with(op: Floats, mv: Floats) -> bool:
     """Whether the position rises with OP, and not against it as a reversed one does."""
-    return float(np.dot(op - op.mean(), mv - mv.mean())) >= 0.0
+    shares = [(one - one.mean()) / max(float(np.ptp(one)), 1e-12) for one in (op, mv)]
+    return float(np.dot(*shares)) >= 0.0
 
 
 def _at_the_end(op: Floats, mv: Floats, usable: Bools, is_high: bool, rises: bool) -> Stop | None:

@@ -145,7 +145,10 @@ def test_what_belongs_to_the_machine_is_named_and_asks_for_no_work():
     assert (decided.verdict, decided.kinds) == (Verdict.HEALTHY, (k.HEALTHY,))
     assert (decided.effects, decided.inherent) == ((), (machine,))
     result = present(healthy, stands=True).found
-    assert result[-1] == "Motor drive belongs to such a machine and is no defect."
+    assert result[-1] == (
+        "Motor drive belongs to such a machine and is no defect. The stem is here whatever the "
+        "motor moves."
+    )
     assert machine.sentence in " ".join(result)
     both = replace(healthy, mismatch=replace(named(), effects=(machine, *others)))
     assert k.decide(both, stands=True).kinds == tuple(other.slug for other in others)
