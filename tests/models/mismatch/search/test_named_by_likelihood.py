@@ -118,13 +118,13 @@ def test_a_limit_of_both_ways_is_no_limit_of_one() -> None:
 @pytest.mark.long
 def test_what_trajectories_dropped_may_still_be_shown() -> None:
     """A force by the flow, too small a part of what a free run misses in noise."""
-    assert named_on_drawn(2114, 158) == {("flow_force",)}
+    assert named_on_drawn(2114, 158) == {("flow_force", "bowed_linkage")}
 
 
 @pytest.mark.long
 def test_friction_at_a_place_is_shown_by_the_whole_record() -> None:
     """In noise, where no trajectory shows it."""
-    (effect,) = explained(4090, 585).effects
+    (effect,) = explained(2119, 18).effects
     assert effect.members == ("position_dependent_friction",)
     assert effect.evidence.likelihood_gain > LEAST_GAIN
 
