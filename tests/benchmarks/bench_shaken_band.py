@@ -18,9 +18,10 @@ import numpy as np
 
 from stemwatch.models.decision.shaken_loose import S_unseen
 from stemwatch.models.limits import Limits
-from stemwatch.models.recording import Recording, Signal
+from stemwatch.models.recording import Recording
 from stemwatch.models.stickslip.fit import fit_stickslip
 from stemwatch.models.studies.simulator import PlantLoop, draw_healthy, draw_sticky, simulate_loop
+from tests.benchmarks.bench_on_a_stop import kept_every
 
 HOURS = 6
 KEPT_S = (5, 10, 30, 60)
@@ -41,16 +42,7 @@ def seen_and_unseen(recording: Recording) -> Iterator[tuple[float, float]]:
     """The S that is seen and the S that may be there, percent, of the recording kept every 5, 10,
     30 and 60 s."""
     for step in KEPT_S:
-        signals = {
-            role: Signal(
-                signal.values[::step],
-                quality=signal.quality[::step],
-                tag=signal.tag,
-                unit=signal.unit,
-            )
-            for role, signal in recording.signals.items()
-        }
-        kept = replace(recording, signals=signals, interval_s=step * recording.interval_s)
+        kept = kept_every(recording, step)
         fit = fit_stickslip(kept)
         yield fit.S, S_unseen(fit, fit.S)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from collections.abc import Sequence
 from datetime import timedelta
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from sqlalchemy import create_engine, text
 
 from stemwatch.connectors.connector import (
     ConnectorError,
+    TagInfo,
     TagMapping,
     UnknownTag,
     UnreadableSource,
@@ -167,28 +169,27 @@ def test_what_is_no_sample_is_said_with_an_example(history_url: str, columns: st
         archive.read(made.valve())
 
 
-def test_a_list_of_tags_may_have_gaps(tmp_path: Path) -> None:
-    """A row without a name is no tag, and what is no count counts nothing."""
-    url = f"sqlite:///{tmp_path / 'tags.db'}"
+def listed(folder: Path, columns: str, rows: str) -> Sequence[TagInfo]:
+    """What an archive lists whose query asks a table with these ``columns`` and ``rows``."""
+    url = f"sqlite:///{folder / 'tags.db'}"
     engine = create_engine(url)
     with engine.begin() as connection:
-        connection.execute(text("CREATE TABLE tags (tag, samples)"))
-        connection.execute(text("INSERT INTO tags VALUES ('A', 'many'), (NULL, 3), ('B', 7)"))
+        connection.execute(text(f"CREATE TABLE tags ({columns})"))
+        connection.execute(text(f"INSERT INTO tags VALUES {rows}"))
     engine.dispose()
-    listed = address(url, tags_query="SELECT tag, samples FROM tags").open().tags()
-    assert [(info.tag, info.samples) for info in listed] == [("A", 0), ("B", 7)]
+    return address(url, tags_query=f"SELECT {columns} FROM tags").open().tags()
+
+
+def test_a_list_of_tags_may_have_gaps(tmp_path: Path) -> None:
+    """A row without a name is no tag, and what is no count counts nothing."""
+    tags = listed(tmp_path, "tag, samples", "('A', 'many'), (NULL, 3), ('B', 7)")
+    assert [(info.tag, info.samples) for info in tags] == [("A", 0), ("B", 7)]
 
 
 def test_roles_and_valves_are_proposed_from_the_names_that_the_query_lists(tmp_path: Path) -> None:
     """As every other archive proposes them."""
-    url = f"sqlite:///{tmp_path / 'tags.db'}"
-    engine = create_engine(url)
-    with engine.begin() as connection:
-        connection.execute(text("CREATE TABLE tags (tag, unit)"))
-        connection.execute(text("INSERT INTO tags VALUES ('FIC1.OP', '%'), ('FIC1.ZT', NULL)"))
-    engine.dispose()
-    listed = address(url, tags_query="SELECT tag, unit FROM tags").open().tags()
-    assert [(info.tag, info.unit, info.proposed_role, info.proposed_valve) for info in listed] == [
+    tags = listed(tmp_path, "tag, unit", "('FIC1.OP', '%'), ('FIC1.ZT', NULL)")
+    assert [(info.tag, info.unit, info.proposed_role, info.proposed_valve) for info in tags] == [
         ("FIC1.OP", "%", Role.OP, "FIC1"),
         ("FIC1.ZT", "", Role.MV, "FIC1"),
     ]
