@@ -7,7 +7,8 @@ from typing import TypeGuard
 from stemwatch.models.mismatch.findings import Finding, Mismatch
 from stemwatch.models.preparation.own_clock import duration, rate
 from stemwatch.models.stickslip import parameters as coordinate
-from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit
+from stemwatch.models.stickslip.fit import StickSlipFit
+from stemwatch.models.stickslip.parameters import S_and_J
 from stemwatch.models.stickslip.speed_limits import shown_speed_limits
 
 # A delay below this is usual for good valves and is not mentioned.

@@ -17,7 +17,8 @@ from stemwatch.models.signals.excitation import reversals, swing, travel
 from stemwatch.models.signals.oscillation import signal_oscillation
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.events import SlipEvents
-from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit
+from stemwatch.models.stickslip.fit import StickSlipFit
+from stemwatch.models.stickslip.parameters import S_and_J
 from stemwatch.models.stickslip.problem import FitProblem
 from stemwatch.models.stickslip.speed_limits import shown_speed_limits
 from stemwatch.models.without_position.suspicion import WithoutPosition

@@ -14,7 +14,7 @@ from stemwatch.models.mismatch.fit.base_coordinate import RATIO, S_PERCENT
 from stemwatch.models.mismatch.fit.crossfit import Fitted
 from stemwatch.models.mismatch.fit.evaluator import Evaluator
 from stemwatch.models.recording import Floats
-from stemwatch.models.stickslip.fit import Advantage
+from stemwatch.models.stickslip.advantage import Advantage
 
 # Least mean log ratio of the losses, least t, and least product of the two.
 MEAN, T, PRODUCT = 0.04, 1.4, 0.12

@@ -34,7 +34,7 @@ class EffectEvidence:
     """What speaks for an effect: its gain on blocks of time that it was not fitted to.
 
     ``mean`` is the mean log ratio of the robust losses without and with it, ``t`` its t-like
-    value (see ``stickslip.fit.advantage``); ``share`` the share of the squared held-out residual
+    value (see ``stickslip.advantage``); ``share`` the share of the squared held-out residual
     that it removes, 0 to 1; ``note`` a sentence with the evidence against its neighbours.
     """
 
@@ -50,7 +50,7 @@ class EffectEvidence:
 @dataclass(frozen=True, kw_only=True)
 class Gain:
     """How much better unseen blocks of time are predicted: mean log ratio of the robust losses, and
-    its t-like value (see ``stickslip.fit.advantage``)."""
+    its t-like value (see ``stickslip.advantage``)."""
 
     mean: float
     t: float

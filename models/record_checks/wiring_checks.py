@@ -22,7 +22,7 @@ from stemwatch.models.signals.forensics import quantum
 from stemwatch.models.signals.percent import POSSIBLE_PERCENT
 from stemwatch.models.stickslip.best_pairing import AFTER, BEFORE, BestShift, Pairing, paired
 from stemwatch.models.stickslip.clock_shift import BehindController, behind_controller
-from stemwatch.models.stickslip.fit import FirstLook
+from stemwatch.models.stickslip.first_look import FirstLook
 from stemwatch.models.stickslip.rests import Rests
 from stemwatch.models.verdict import NoVerdict
 from stemwatch.models.words import share

@@ -9,14 +9,9 @@ from dataclasses import replace
 
 from stemwatch.models.decision import residual
 from stemwatch.models.decision.beside_friction import actuator_takes_s, beside_friction
-from stemwatch.models.decision.decide import DecisionEvidence
+from stemwatch.models.decision.decision_evidence import DecisionEvidence
 from stemwatch.models.decision.residual import BaselineComparison
-from stemwatch.models.decision.shaken_loose import (
-    S_averaged,
-    S_unseen,
-    is_sure,
-    may_be_shaken,
-)
+from stemwatch.models.decision.shaken_loose import S_averaged, S_unseen, is_sure, may_be_shaken
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.mismatch.measurement.between_samples import ArchiveKind
@@ -30,8 +25,9 @@ from stemwatch.models.screening.fitted_recording import FittedRecording
 from stemwatch.models.screening_result import Residual
 from stemwatch.models.signals.oscillation import signal_oscillation
 from stemwatch.models.stickslip.change_of_stiction import ChangeOfStiction, change_of_stiction
-from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit
+from stemwatch.models.stickslip.fit import StickSlipFit
 from stemwatch.models.stickslip.interval import way_in_a_sample
+from stemwatch.models.stickslip.parameters import S_and_J
 from stemwatch.models.stickslip.stored_range import range_of_both, range_of_op
 
 GROWING, STOP = "growing_stiction", "travel_stop"

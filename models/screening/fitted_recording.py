@@ -20,8 +20,9 @@ from stemwatch.models.record_checks.quality import Assessment, assess, with_obst
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening.prepared_command import PreparedCommand, prepare_command
 from stemwatch.models.signals.dead_band import DeadBand
-from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit, fit_stickslip
+from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap
+from stemwatch.models.stickslip.parameters import S_and_J
 from stemwatch.models.stickslip.stored_range import in_percent
 from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve
 

@@ -15,7 +15,7 @@ from stemwatch.models.record_checks.wiring_checks import perhaps_exchanged, wiri
 from stemwatch.models.recording import Recording
 from stemwatch.models.stickslip.clock_shift import LateEvidence, brought_forward, late_evidence
 from stemwatch.models.stickslip.find_stroke_curve import stroke_curve_of
-from stemwatch.models.stickslip.fit import FirstLook
+from stemwatch.models.stickslip.first_look import FirstLook
 from stemwatch.models.stickslip.op_within_steps import op_within_steps
 from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve, in_travel
 

@@ -7,8 +7,8 @@ from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.mismatch.measurement.between_samples import stands_for_friction
 from stemwatch.models.recording import PERCENT, Floats
 from stemwatch.models.screening.fitted_recording import FittedRecording
-from stemwatch.models.stickslip.fit import S_and_J
 from stemwatch.models.stickslip.interval import interval, spread_of
+from stemwatch.models.stickslip.parameters import S_and_J
 
 
 def published_stiction(

@@ -14,7 +14,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from stemwatch.models.decision import residual
-from stemwatch.models.decision.decide import Decision, decide, undetermined
+from stemwatch.models.decision.decide import decide
+from stemwatch.models.decision.decision import Decision
+from stemwatch.models.decision.no_verdict import undetermined
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.health_indicators import indicators
 from stemwatch.models.limits import Limits
@@ -45,11 +47,7 @@ from stemwatch.models.stickslip.op_within_steps import WITHIN_STEPS
 from stemwatch.models.stickslip.problem import make_problem
 from stemwatch.models.stickslip.stroke_curve import KnownCurve, in_travel
 from stemwatch.models.verdict import NoVerdict, Verdict
-from stemwatch.models.without_position.suspicion import (
-    suspect,
-    too_little_moved,
-    trained_judge,
-)
+from stemwatch.models.without_position.suspicion import suspect, too_little_moved, trained_judge
 
 
 @dataclass(frozen=True, kw_only=True)

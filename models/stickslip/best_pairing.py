@@ -18,8 +18,10 @@ from stemwatch.models.recording import Floats, Recording, Role
 from stemwatch.models.signals.first_order_lag import first_order_lag
 from stemwatch.models.statistics.cross_correlation import lagged_products
 from stemwatch.models.stickslip import parameters as coordinate
+from stemwatch.models.stickslip.evaluator import StickSlipEvaluator
 from stemwatch.models.stickslip.events import events_of
-from stemwatch.models.stickslip.fit import FirstLook, StickSlipEvaluator, actuator_grid
+from stemwatch.models.stickslip.first_look import FirstLook
+from stemwatch.models.stickslip.hypotheses import actuator_grid
 from stemwatch.models.stickslip.problem import FitProblem
 from stemwatch.models.stickslip.rests import Rests
 

@@ -29,19 +29,16 @@ from numpy.typing import NDArray
 from stemwatch.models.recording import Bools, Floats, Quality, Recording, Role
 from stemwatch.models.signals.forensics import repeat_share
 from stemwatch.models.stickslip import parameters as coordinate
-from stemwatch.models.stickslip.fit import (
-    Advantage,
-    FirstLook,
-    StickSlipEvaluator,
-    advantage,
-    sticking_grid,
-)
+from stemwatch.models.stickslip.advantage import Advantage, advantage
+from stemwatch.models.stickslip.evaluator import StickSlipEvaluator
+from stemwatch.models.stickslip.first_look import FirstLook
+from stemwatch.models.stickslip.hypotheses import sticking_grid
 
 # Samples by which OP is shifted earlier: where neither of the first two lowers the loss, none does.
 LOOKED_AT, TRIED = (1, 3), (2, 5, 8, 12)
 FURTHER = (17, 22, 27, 32)  # where the best of those before is the last that was tried
 WITHIN = np.arange(-2.0, 2.01, 0.25)  # samples about the best of them, FURTHER twice as far
-# Limits of the block-wise advantage (``stickslip.fit.advantage``). `stemwatch calibrate-archives`
+# Limits of the block-wise advantage (``stickslip.advantage``). `stemwatch calibrate-archives`
 # derives these and ``LEFT_AT_ONCE`` from valves whose clocks agree.
 LEAST_MEAN, LEAST_T = 0.1, 1.5
 STEPPED = 0.05  # share of repeats of OP, from which it is shifted by whole samples only

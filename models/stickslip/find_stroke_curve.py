@@ -22,6 +22,7 @@ import numpy as np
 from stemwatch.models.recording import Bools, Floats, Recording
 from stemwatch.models.signals.signal_pairing import correlation
 from stemwatch.models.stickslip import parameters as coordinate
+from stemwatch.models.stickslip.advantage import advantage
 from stemwatch.models.stickslip.breakaways import LEAST_J, Breakaways, seen_breakaways
 from stemwatch.models.stickslip.curve_signs import (
     MOVING_SAMPLES,
@@ -31,15 +32,11 @@ from stemwatch.models.stickslip.curve_signs import (
     off_the_stops,
     slope_of_means,
 )
-from stemwatch.models.stickslip.fit import (
-    S_and_J,
-    StickSlipEvaluator,
-    advantage,
-    first_look,
-    search,
-    sticking_grid,
-)
+from stemwatch.models.stickslip.evaluator import StickSlipEvaluator
+from stemwatch.models.stickslip.first_look import first_look
 from stemwatch.models.stickslip.force_balance import moves_as_a_motor
+from stemwatch.models.stickslip.hypotheses import search, sticking_grid
+from stemwatch.models.stickslip.parameters import S_and_J
 from stemwatch.models.stickslip.problem import make_problem
 from stemwatch.models.stickslip.search import SearchResult, best_of
 from stemwatch.models.stickslip.stroke_curve import (

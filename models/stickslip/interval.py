@@ -19,7 +19,8 @@ from stemwatch.models.signals.excitation import reversals
 from stemwatch.models.statistics.block_bootstrap import COVERAGE, block_weights, cheapest
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.breakaways import LEAST_J
-from stemwatch.models.stickslip.fit import BOTH, STICKING, StickSlipFit
+from stemwatch.models.stickslip.fit import StickSlipFit
+from stemwatch.models.stickslip.hypotheses import BOTH, STICKING
 from stemwatch.models.stickslip.problem import FitProblem
 
 REPLICATES = 300

@@ -23,7 +23,9 @@ import numpy as np
 from stemwatch.models.recording import Bools, Floats, Recording, Role
 from stemwatch.models.signals.forensics import COARSE_PERCENT, quantum
 from stemwatch.models.signals.op_in_steps import op_is_set_in_steps
-from stemwatch.models.stickslip.fit import FirstLook, advantage, sticking_grid
+from stemwatch.models.stickslip.advantage import advantage
+from stemwatch.models.stickslip.first_look import FirstLook
+from stemwatch.models.stickslip.hypotheses import sticking_grid
 
 MOVES_OVER = 10  # samples: the law is fitted to moves, which are large against a step
 FEWEST_MOVES = 200

@@ -63,3 +63,9 @@ def to_kernel(candidates: Floats, restick: float) -> Floats:
     q[:, kernel.GAIN] = 1.0 + c[:, GAIN]
     q[:, kernel.RESTICK] = restick
     return q
+
+
+def S_and_J(candidate: Floats) -> tuple[float, float]:
+    """S and J of a candidate (9,), percent of OP span."""
+    S = float(candidate[S_PERCENT])
+    return S, S * float(candidate[RATIO])

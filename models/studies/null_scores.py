@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from stemwatch.models.mismatch.acceptance.accepted_hypothesis import of_the_valve
 from stemwatch.models.mismatch.acceptance_limits import (
     noise_share,
     remaining_loss,
@@ -15,9 +14,12 @@ from stemwatch.models.mismatch.acceptance_limits import (
 )
 from stemwatch.models.mismatch.measurement.record_effects import measured_record
 from stemwatch.models.mismatch.prepared_recording import admissible, prepare, problem_of, why_not
+from stemwatch.models.mismatch.search.drive import of_the_valve
 from stemwatch.models.mismatch.search.named_by_likelihood import strongest_by_likelihood
+from stemwatch.models.mismatch.search.named_terms import TermScore
+from stemwatch.models.mismatch.search.needed_terms import lacking
 from stemwatch.models.mismatch.search.term_pairs import strongest_pair
-from stemwatch.models.mismatch.search.term_selection import TermScore, lacking, name_terms
+from stemwatch.models.mismatch.search.term_selection import name_terms
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.preparation.own_clock import on_own_clock
 from stemwatch.models.recording import Recording

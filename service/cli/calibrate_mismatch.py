@@ -91,7 +91,7 @@ def calibrate_mismatch(
 def _in_use() -> dict[str, float]:
     """The limits of the product."""
     from stemwatch.models.mismatch import acceptance_limits as limits
-    from stemwatch.models.mismatch.likelihood import maximum_likelihood as likelihood
+    from stemwatch.models.mismatch.likelihood import likelihood_evidence as likelihood
 
     return {
         "mean": limits.MEAN,

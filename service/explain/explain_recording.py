@@ -13,7 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from stemwatch.connectors.connector import ConnectorError
-from stemwatch.models.decision.decide import MORE
+from stemwatch.models.decision.no_verdict import MORE
 from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.recording import Recording

@@ -18,7 +18,7 @@ from itertools import product
 
 import numpy as np
 
-from stemwatch.models.mismatch.acceptance.accepted_hypothesis import named_effects, of_the_valve
+from stemwatch.models.mismatch.acceptance.accepted_hypothesis import named_effects
 from stemwatch.models.mismatch.acceptance_limits import NEAR, strength
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Mismatch
@@ -36,10 +36,13 @@ from stemwatch.models.mismatch.fit.crossfit import (
     refit,
 )
 from stemwatch.models.mismatch.fit.evaluator import CoordinateLayout
+from stemwatch.models.mismatch.likelihood.likelihood_evidence import evidence_of
 from stemwatch.models.mismatch.likelihood.maximum_likelihood import (
+    FEW_COURSES,
     RELEASED,
     Likeliest,
     RecordLikelihood,
+    points_at,
 )
 from stemwatch.models.mismatch.measurement.record_effects import measured_record
 from stemwatch.models.mismatch.prepared_recording import (
@@ -49,18 +52,18 @@ from stemwatch.models.mismatch.prepared_recording import (
     problem_of,
 )
 from stemwatch.models.mismatch.search.breakaway_levels import DWELL
-from stemwatch.models.mismatch.search.named_by_likelihood import (
-    FEW_COURSES,
-    _compared,
-    _passes,
-    _released,
-    evidence_of,
+from stemwatch.models.mismatch.search.breakaway_scatter import (
     leaves_something,
-    named_by_likelihood,
-    points_at,
     released,
     scatter_matters,
     scatters_most,
+)
+from stemwatch.models.mismatch.search.compared_by_likelihood import _compared
+from stemwatch.models.mismatch.search.drive import of_the_valve
+from stemwatch.models.mismatch.search.named_by_likelihood import (
+    _passes,
+    _released,
+    named_by_likelihood,
 )
 from stemwatch.models.mismatch.search.other_coordinates import without
 from stemwatch.models.mismatch.search.reading_errors import (
@@ -70,7 +73,7 @@ from stemwatch.models.mismatch.search.reading_errors import (
     pinned,
 )
 from stemwatch.models.mismatch.search.sticking_by_likelihood import HARDER
-from stemwatch.models.mismatch.search.term_selection import neutral
+from stemwatch.models.mismatch.search.term_scores import neutral
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.preparation.own_clock import on_own_clock

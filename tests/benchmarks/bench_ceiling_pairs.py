@@ -33,20 +33,16 @@ from stemwatch.models.mismatch.fit.crossfit import (
     scored,
 )
 from stemwatch.models.mismatch.fit.evaluator import CoordinateLayout, Evaluator, TermSet
+from stemwatch.models.mismatch.likelihood.likelihood_evidence import LikelihoodEvidence, evidence_of
 from stemwatch.models.mismatch.likelihood.maximum_likelihood import (
     OF_RECORD,
     Likeliest,
-    LikelihoodEvidence,
     RecordLikelihood,
+    points_at,
 )
 from stemwatch.models.mismatch.measurement.record_effects import measured_record
 from stemwatch.models.mismatch.prepared_recording import PreparedRecording, prepare, problem_of
-from stemwatch.models.mismatch.search.named_by_likelihood import (
-    ALL_OVER,
-    evidence_of,
-    leaves_something,
-    points_at,
-)
+from stemwatch.models.mismatch.search.breakaway_scatter import ALL_OVER, leaves_something
 from stemwatch.models.mismatch.search.other_coordinates import carried_over, without
 from stemwatch.models.mismatch.search.reading_errors import COORDINATES, pinned
 from stemwatch.models.mismatch.term import Term
@@ -54,14 +50,7 @@ from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.preparation.own_clock import on_own_clock
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_hidden, simulate_hidden
-from tests.benchmarks.bench_ceiling import (
-    EFFORT,
-    OF_STRIBECK,
-    S_AND_J,
-    SIZES,
-    about_truth,
-    stored,
-)
+from tests.benchmarks.bench_ceiling import EFFORT, OF_STRIBECK, S_AND_J, SIZES, about_truth, stored
 
 # A reading that is off: what the base is fitted with, and the true size in either direction.
 OF_READING = {

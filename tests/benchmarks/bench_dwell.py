@@ -19,8 +19,8 @@ from stemwatch.models.mismatch.likelihood.maximum_likelihood import RecordLikeli
 from stemwatch.models.mismatch.measurement.record_effects import measured_record
 from stemwatch.models.mismatch.prepared_recording import prepare, problem_of
 from stemwatch.models.mismatch.search.breakaway_levels import DWELL, breakaway_evidence
+from stemwatch.models.mismatch.search.breakaway_scatter import scatter_matters
 from stemwatch.models.mismatch.search.dwell_by_likelihood import compared_with_dwell, shows_dwell
-from stemwatch.models.mismatch.search.named_by_likelihood import scatter_matters
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.preparation.own_clock import on_own_clock
 from stemwatch.models.recording import Recording

@@ -35,7 +35,8 @@ from scipy.optimize import differential_evolution
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip import parameters as coordinate
-from stemwatch.models.stickslip.fit import StickSlipEvaluator, StickSlipFit, fit_stickslip
+from stemwatch.models.stickslip.evaluator import StickSlipEvaluator
+from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import FitProblem
 from stemwatch.models.studies.simulator import draw_sticky, simulate_loop

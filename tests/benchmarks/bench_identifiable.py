@@ -17,7 +17,7 @@ from collections import Counter
 import numpy as np
 
 from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.mismatch.likelihood.maximum_likelihood import LEAST_GAIN
+from stemwatch.models.mismatch.likelihood.likelihood_evidence import LEAST_GAIN
 from stemwatch.models.studies.simulator.hidden import draw_hidden, simulate_hidden
 from tests.benchmarks.bench_ceiling import stored
 from tests.benchmarks.true_stem import DWELL, PLAY, gain_of

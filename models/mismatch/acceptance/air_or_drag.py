@@ -17,13 +17,9 @@ import numpy as np
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import POLISH, Fitted, gain, refit, scored
 from stemwatch.models.mismatch.fit.evaluator import Evaluator
-from stemwatch.models.mismatch.search.term_selection import (
-    AS_GOOD,
-    Named,
-    Needed,
-    TermScore,
-    neutral,
-)
+from stemwatch.models.mismatch.search.explaining_terms import AS_GOOD
+from stemwatch.models.mismatch.search.named_terms import Named, Needed, TermScore
+from stemwatch.models.mismatch.search.term_scores import neutral
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.stickslip.parameters import Bounds
 

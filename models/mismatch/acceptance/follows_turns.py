@@ -15,7 +15,7 @@ from stemwatch.models.compiled import compiled
 from stemwatch.models.mismatch.fit.crossfit import Fitted, folds, robust_coefficients
 from stemwatch.models.mismatch.fit.evaluator import Evaluator
 from stemwatch.models.recording import Floats
-from stemwatch.models.stickslip.fit import Advantage, advantage
+from stemwatch.models.stickslip.advantage import Advantage, advantage
 
 SPRING = "spring_hysteresis"  # its term
 WAYS = (3.0, 6.0, 12.0)  # ``w`` that are tried, percent of travel

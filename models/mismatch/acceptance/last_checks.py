@@ -10,20 +10,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from stemwatch.models.mismatch.acceptance.accepted_hypothesis import (
-    LEAST_FIT_OF_NAMED,
-    STRAIGHT_LINE,
-    AcceptedHypothesis,
-    parts_only,
-)
+from stemwatch.models.mismatch.acceptance.accepted_hypothesis import parts_only
+from stemwatch.models.mismatch.acceptance.effects_that_stand import STRAIGHT_LINE
 from stemwatch.models.mismatch.acceptance.misleading_runs import NOISE_OF_A_NAME
 from stemwatch.models.mismatch.acceptance.nothing_left_out import likelihood_explains
 from stemwatch.models.mismatch.acceptance.one_cause import one_cause
 from stemwatch.models.mismatch.acceptance.shaken_stem import find_shaking
+from stemwatch.models.mismatch.acceptance.whole_record import LEAST_FIT_OF_NAMED, AcceptedHypothesis
 from stemwatch.models.mismatch.acceptance_limits import MEAN_OF_A_LINE
 from stemwatch.models.mismatch.findings import Effect
-from stemwatch.models.mismatch.likelihood.maximum_likelihood import OF_STEMS, RecordLikelihood
-from stemwatch.models.mismatch.search.named_by_likelihood import likeliest_of
+from stemwatch.models.mismatch.likelihood.maximum_likelihood import (
+    OF_STEMS,
+    RecordLikelihood,
+    likeliest_of,
+)
 from stemwatch.models.mismatch.search.reading_errors import STICKS_AGAIN
 
 NEAR_NOISE = 2.0  # noise floors, rmse up to which a stem that hardly moves is followed

@@ -16,12 +16,13 @@ from stemwatch.models.mismatch.acceptance.nothing_left_out import likelihood_exp
 from stemwatch.models.mismatch.fit.base_coordinate import N_BASE
 from stemwatch.models.mismatch.fit.crossfit import Fitted
 from stemwatch.models.mismatch.fit.evaluator import Evaluator, TermSet
-from stemwatch.models.mismatch.likelihood.maximum_likelihood import Likeliest, RecordLikelihood
-from stemwatch.models.mismatch.search.named_by_likelihood import (
-    evidence_of,
-    less_scattered,
+from stemwatch.models.mismatch.likelihood.likelihood_evidence import evidence_of
+from stemwatch.models.mismatch.likelihood.maximum_likelihood import (
+    Likeliest,
+    RecordLikelihood,
     likeliest_of,
 )
+from stemwatch.models.mismatch.search.breakaway_scatter import less_scattered
 from stemwatch.models.mismatch.search.reading_errors import COORDINATES, pinned
 from stemwatch.models.recording import Floats
 

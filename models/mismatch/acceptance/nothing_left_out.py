@@ -27,18 +27,21 @@ from stemwatch.models.mismatch.fit.base_coordinate import S_and_J
 from stemwatch.models.mismatch.fit.base_fit import naive_evaluator, naive_layout
 from stemwatch.models.mismatch.fit.crossfit import Fitted
 from stemwatch.models.mismatch.fit.evaluator import Evaluator
-from stemwatch.models.mismatch.likelihood.maximum_likelihood import SCATTERS, RecordLikelihood
-from stemwatch.models.mismatch.search.named_by_likelihood import (
+from stemwatch.models.mismatch.likelihood.maximum_likelihood import (
+    SCATTERS,
+    RecordLikelihood,
+    likeliest_of,
+)
+from stemwatch.models.mismatch.search.breakaway_scatter import (
     WIDEST,
     less_scattered,
-    likeliest_of,
     scatter_matters,
     scatters_as_no_stem,
     scatters_most,
 )
-from stemwatch.models.mismatch.search.term_selection import AS_GOOD
+from stemwatch.models.mismatch.search.explaining_terms import AS_GOOD
 from stemwatch.models.recording import Floats
-from stemwatch.models.stickslip.fit import advantage
+from stemwatch.models.stickslip.advantage import advantage
 
 # Percent of fit on unseen data; a model with less does not explain the recording.
 LEAST_FIT = 50.0

@@ -15,7 +15,7 @@ from stemwatch.models.mismatch.fit.base_coordinate import N_BASE
 from stemwatch.models.mismatch.fit.crossfit import Fitted
 from stemwatch.models.mismatch.fit.evaluator import Evaluator
 from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
-from stemwatch.models.mismatch.search.term_selection import Named, TermScore
+from stemwatch.models.mismatch.search.named_terms import Named, TermScore
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.signals.forensics import noise_sigma
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve

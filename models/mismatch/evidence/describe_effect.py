@@ -12,21 +12,16 @@ import numpy as np
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.acceptance_limits import strength
 from stemwatch.models.mismatch.evidence.locate import locate
-from stemwatch.models.mismatch.findings import (
-    Effect,
-    EffectEvidence,
-    Finding,
-    ResidualMap,
-)
+from stemwatch.models.mismatch.findings import Effect, EffectEvidence, Finding, ResidualMap
 from stemwatch.models.mismatch.fit.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.fit.uncertainty import estimate
-from stemwatch.models.mismatch.likelihood.maximum_likelihood import LikelihoodEvidence
+from stemwatch.models.mismatch.likelihood.likelihood_evidence import LikelihoodEvidence
 from stemwatch.models.mismatch.search.breakaway_levels import DWELL, LEAST_Z, BreakawayEvidence
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.preparation.own_clock import SpokenEstimate, estimate_in_seconds
 from stemwatch.models.recording import Floats, Recording, Role
-from stemwatch.models.stickslip.fit import Advantage
+from stemwatch.models.stickslip.advantage import Advantage
 
 FLOW_UNITS = ("/h", "/s", "/min", "gpm", "scfm", "lpm")
 MODEL_ERROR = 0.03  # one sigma, share of a parameter

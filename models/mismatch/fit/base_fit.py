@@ -30,7 +30,8 @@ from stemwatch.models.mismatch.fit.evaluator import (
 from stemwatch.models.mismatch.term import RecordingSummary
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.signals.forensics import repeat_share
-from stemwatch.models.stickslip.fit import CANONICAL, COARSE_COMMAND, ONLY_WHEN_TURNING
+from stemwatch.models.stickslip.evaluator import CANONICAL, ONLY_WHEN_TURNING
+from stemwatch.models.stickslip.fit import COARSE_COMMAND
 from stemwatch.models.stickslip.parameters import Bounds
 from stemwatch.models.stickslip.problem import FitProblem
 

@@ -19,7 +19,7 @@ from stemwatch.models.mismatch.fit.evaluator import CoordinateLayout, Evaluator,
 from stemwatch.models.mismatch.fit.least_squares import descend
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Bools, Floats
-from stemwatch.models.stickslip.fit import Advantage, advantage
+from stemwatch.models.stickslip.advantage import Advantage, advantage
 from stemwatch.models.stickslip.search import CrossEntropy, SearchResult, by_loss
 
 SEED = 1977

@@ -222,7 +222,7 @@ class Evaluator:
     problem: FitProblem
     summary: RecordingSummary
     delta: float  # scale of the robust loss, percent
-    restick: float  # %/s, when a moving stem sticks again; see ``stickslip.fit``
+    restick: float  # %/s, when a moving stem sticks again; see ``stickslip.evaluator``
     base_bounds: Bounds
     marks: Marks
     onsets: Onsets

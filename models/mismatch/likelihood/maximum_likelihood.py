@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from stemwatch.models.mismatch.fit import base_coordinate
+from stemwatch.models.mismatch.fit.crossfit import Fitted
 from stemwatch.models.mismatch.fit.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.likelihood.breakaway_filter import GIVEN_UP, log_likelihoods
 from stemwatch.models.mismatch.stem_model.kernel import Record
@@ -26,6 +27,8 @@ from stemwatch.models.signals.forensics import position_step
 from stemwatch.models.stickslip.onsets import Samples
 
 COURSES = 12  # with 16 the likelihood is the same to a tenth
+FEW_COURSES = 4  # of a first look
+MORE_ROUNDS = 2  # of a first look, after its first step
 OF_RECORD = 2  # coordinates of the record, the last of a point
 # Of the level. A wider scatter than that of real stems would take the place of what is missing, so
 # searches stop at 0.15. Simulated stems scatter by up to 0.12, and the breakaways of one record by
@@ -41,10 +44,6 @@ TRIES = 4  # shorter steps of a round
 WORTH_ANOTHER = 0.3  # gain of a round
 SHORTER, LONGER = 0.4, 1.6  # steps along a coordinate, after a loss and after a gain
 
-# Least gain of the logarithm of the likelihood by which a term is named, least t of its blocks, and
-# least product of the two.
-LEAST_GAIN, LEAST_T, LEAST_PRODUCT = 24.0, 1.3, 90.0
-
 
 def _is_whole(by_block: Floats) -> bool:
     """Whether a run was followed to its end."""
@@ -54,16 +53,6 @@ def _is_whole(by_block: Floats) -> bool:
 def _falls_behind(by_block: Floats, far_behind: Floats) -> bool:
     """Whether a run is so much less likely at the end of some block that it is given up there."""
     return bool((np.cumsum(by_block) < far_behind).any())
-
-
-@dataclass(frozen=True)
-class LikelihoodEvidence:
-    """What the likelihood gains by a term: the logarithm of the ratio, and its t over the blocks;
-    ``strength`` is how far these are beyond their limits, 1 at the limits."""
-
-    gain: float
-    t: float
-    strength: float
 
 
 @dataclass(frozen=True)
@@ -353,3 +342,14 @@ class RecordLikelihood:
         point = best.point.copy()
         point[place] += step
         return self.at(best.layout, point, best)
+
+
+def points_at(fitted: Fitted, of_record: Floats) -> list[Floats]:
+    """Points (size + 2,) at the fits to both folds and between them."""
+    rows = np.vstack((fitted.candidates, fitted.candidates.mean(axis=0)))
+    return [np.append(row, of_record) for row in rows]
+
+
+def likeliest_of(likelihood: RecordLikelihood, fitted: Fitted) -> Likeliest:
+    """Where the record is most likely by the hypothesis that is ``fitted``, begun from its fits."""
+    return likelihood.maximised(fitted.layout, points_at(fitted, likelihood.first_of_record))

@@ -34,7 +34,8 @@ from stemwatch.models.preparation.own_clock import duration
 from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.models.signals.excitation import reversals
 from stemwatch.models.stickslip import parameters as coordinate
-from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit
+from stemwatch.models.stickslip.fit import StickSlipFit
+from stemwatch.models.stickslip.parameters import S_and_J
 from stemwatch.models.stickslip.problem import FitProblem
 from stemwatch.models.stickslip.slip_levels import SlipLevels, Slips, seen_slips, slip_levels
 
@@ -58,7 +59,7 @@ TWICE_AS_OFTEN = (
 LATE_BY_SAMPLING = 1.2  # samples
 # Share of the S of friction alone below which a lag, and not the sampling, stands for the rest.
 LEFT_BY_A_LAG = 0.5
-# Advantage of friction over an actuator without it (``stickslip.fit.Advantage``) from which it is
+# Advantage of friction over an actuator without it (``stickslip.advantage``) from which it is
 # evident that there is any.
 EVIDENT_MEAN, EVIDENT_T = 0.5, 2.0
 # Slips per turn of OP, from which those that were seen represent all. A stem that slips again

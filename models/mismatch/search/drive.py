@@ -34,15 +34,10 @@ from stemwatch.models.mismatch.fit.evaluator import (
     Evaluator,
     TermSet,
 )
+from stemwatch.models.mismatch.search.explaining_terms import AS_GOOD
+from stemwatch.models.mismatch.search.named_terms import Named, Needed, SelectionStage, TermScore
 from stemwatch.models.mismatch.search.reading_errors import pinned
-from stemwatch.models.mismatch.search.term_selection import (
-    AS_GOOD,
-    Named,
-    Needed,
-    SelectionStage,
-    TermScore,
-    reduced,
-)
+from stemwatch.models.mismatch.search.term_scores import reduced
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.force_balance import ForceBalance, balance_of_part
@@ -102,6 +97,11 @@ def name_drive(base: BaseFit, balance: ForceBalance, terms: Mapping[str, Term]) 
     return Named(
         evaluator=evaluator, base=base.fitted, fitted=fitted, needed=tuple(needed), stages=stages
     )
+
+
+def of_the_valve(terms: Mapping[str, Term]) -> list[Term]:
+    """The terms that are looked for one by one: no drive's, and none of the base's own."""
+    return [term for slug, term in terms.items() if slug not in TERMS and not term.in_base]
 
 
 def is_refuted(drive: Named, term_by_term: Named) -> bool:

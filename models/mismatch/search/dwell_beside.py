@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from stemwatch.models.mismatch.likelihood.maximum_likelihood import LEAST_T
+from stemwatch.models.mismatch.likelihood.likelihood_evidence import LEAST_T
 from stemwatch.models.mismatch.search.breakaway_levels import (
     DWELL,
     LEAST_SIZE,
@@ -20,13 +20,11 @@ from stemwatch.models.mismatch.search.breakaway_levels import (
     BreakawayEvidence,
     breakaway_evidence,
 )
-from stemwatch.models.mismatch.search.named_by_likelihood import leaves_something, likelihood_with
-from stemwatch.models.mismatch.search.term_selection import (
-    MOST_TERMS,
-    Named,
-    Needed,
-    with_breakaways,
-)
+from stemwatch.models.mismatch.search.breakaway_scatter import leaves_something
+from stemwatch.models.mismatch.search.compared_by_likelihood import likelihood_with
+from stemwatch.models.mismatch.search.named_by_breakaways import with_breakaways
+from stemwatch.models.mismatch.search.named_terms import Named, Needed
+from stemwatch.models.mismatch.search.term_selection import MOST_TERMS
 from stemwatch.models.mismatch.term import Term
 
 LEAST_Z_BESIDE = 3.0

@@ -23,26 +23,25 @@ import numpy as np
 from stemwatch.models.mismatch.fit.base_coordinate import RATIO, RESTICK, S_PERCENT, S_and_J
 from stemwatch.models.mismatch.fit.crossfit import Fitted, on_both
 from stemwatch.models.mismatch.fit.evaluator import CoordinateLayout, Evaluator
+from stemwatch.models.mismatch.likelihood.likelihood_evidence import LEAST_GAIN as OF_ANY_TERM
+from stemwatch.models.mismatch.likelihood.likelihood_evidence import LikelihoodEvidence
 from stemwatch.models.mismatch.likelihood.maximum_likelihood import (
-    LEAST_GAIN as OF_ANY_TERM,
-)
-from stemwatch.models.mismatch.likelihood.maximum_likelihood import (
+    FEW_COURSES,
     Likeliest,
-    LikelihoodEvidence,
     RecordLikelihood,
+    points_at,
 )
 from stemwatch.models.mismatch.search.breakaway_levels import DWELL, breakaway_evidence
-from stemwatch.models.mismatch.search.named_by_likelihood import (
-    FEW_COURSES,
-    Compared,
+from stemwatch.models.mismatch.search.breakaway_scatter import (
     leaves_something,
     less_scattered,
-    named_with,
-    points_at,
     scatter_matters,
 )
+from stemwatch.models.mismatch.search.compared_by_likelihood import Compared
+from stemwatch.models.mismatch.search.named_at_likeliest import named_with
+from stemwatch.models.mismatch.search.named_terms import Named
+from stemwatch.models.mismatch.search.needed_terms import lacking
 from stemwatch.models.mismatch.search.other_coordinates import carried_over
-from stemwatch.models.mismatch.search.term_selection import Named, lacking
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Floats
 

@@ -21,6 +21,8 @@ from stemwatch.models.mismatch.fit.base_fit import RESTICK_REACH
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import CAREFUL, Fitted, gain, refit, scored
 from stemwatch.models.mismatch.fit.evaluator import CoordinateLayout, Evaluator
+from stemwatch.models.mismatch.search.explaining_terms import AS_GOOD
+from stemwatch.models.mismatch.search.named_terms import TermScore
 from stemwatch.models.mismatch.search.reading_rivals import (
     BOW,
     SAG,
@@ -32,13 +34,12 @@ from stemwatch.models.mismatch.search.reading_rivals import (
     sags_instead,
     slips_instead,
 )
-from stemwatch.models.mismatch.search.term_selection import AS_GOOD, TermScore
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.terms._common import CALIBRATE_FROM_PERCENT
 from stemwatch.models.mismatch.terms.flow_force import OWN_SLOPE
 from stemwatch.models.mismatch.terms.sensor_drift import course
 from stemwatch.models.recording import Floats
-from stemwatch.models.stickslip.fit import Advantage
+from stemwatch.models.stickslip.advantage import Advantage
 from stemwatch.models.stickslip.parameters import Bounds
 
 # Coordinate of each, and the largest value that is not material.

@@ -26,7 +26,7 @@ from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import CAREFUL, Fitted, crossfit, gain
 from stemwatch.models.mismatch.fit.evaluator import Evaluator
-from stemwatch.models.mismatch.search.term_selection import AS_GOOD
+from stemwatch.models.mismatch.search.explaining_terms import AS_GOOD
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.terms.bowed_linkage import shape
 from stemwatch.models.recording import Floats

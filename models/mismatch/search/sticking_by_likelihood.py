@@ -14,26 +14,24 @@ import numpy as np
 from stemwatch.models.mismatch.fit.base_coordinate import RATIO, RESTICK, S_PERCENT
 from stemwatch.models.mismatch.fit.base_fit import RESTICK_REACH, sticking_again
 from stemwatch.models.mismatch.fit.evaluator import CoordinateLayout
+from stemwatch.models.mismatch.likelihood.likelihood_evidence import LikelihoodEvidence, evidence_of
 from stemwatch.models.mismatch.likelihood.maximum_likelihood import (
+    FEW_COURSES,
     RELEASED,
     Likeliest,
-    LikelihoodEvidence,
     RecordLikelihood,
+    points_at,
 )
-from stemwatch.models.mismatch.search.named_by_likelihood import (
-    FEW_COURSES,
-    WORTH,
-    evidence_of,
-    held,
+from stemwatch.models.mismatch.search.breakaway_scatter import (
     leaves_something,
     less_scattered,
-    points_at,
     released,
     scatter_matters,
     scatters_most,
-    scored_at,
-    shown_by_likelihood,
 )
+from stemwatch.models.mismatch.search.compared_by_likelihood import WORTH
+from stemwatch.models.mismatch.search.named_at_likeliest import held, scored_at
+from stemwatch.models.mismatch.search.named_terms import Named, shown_by_likelihood
 from stemwatch.models.mismatch.search.reading_errors import (
     COORDINATES,
     LEAST_RESTICK,
@@ -41,7 +39,6 @@ from stemwatch.models.mismatch.search.reading_errors import (
     values_of,
 )
 from stemwatch.models.mismatch.search.reading_errors import RESTICK as SLUG
-from stemwatch.models.mismatch.search.term_selection import Named
 from stemwatch.models.mismatch.terms.low_speed_restick import TERM
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.parameters import Bounds

@@ -31,18 +31,9 @@ from stemwatch.models.mismatch.fit.crossfit import (
 )
 from stemwatch.models.mismatch.fit.evaluator import Evaluator
 from stemwatch.models.mismatch.search.breakaway_levels import PLAY
-from stemwatch.models.mismatch.search.term_selection import (
-    AS_GOOD,
-    NEARLY,
-    PROMISING,
-    Named,
-    Needed,
-    SelectionStage,
-    TermScore,
-    jump_is_visible,
-    reduced,
-    screened,
-)
+from stemwatch.models.mismatch.search.explaining_terms import AS_GOOD, NEARLY, jump_is_visible
+from stemwatch.models.mismatch.search.named_terms import Named, Needed, SelectionStage, TermScore
+from stemwatch.models.mismatch.search.term_scores import PROMISING, reduced, screened
 from stemwatch.models.mismatch.term import Term
 
 BEGUN = 6  # terms that every other one is tried beside

@@ -10,17 +10,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 
 from stemwatch.models.mismatch.acceptance_limits import convincing, strength
-from stemwatch.models.mismatch.findings import (
-    Effect,
-    EffectScore,
-    Gain,
-    TriedEffect,
-    TriedOutcome,
-)
+from stemwatch.models.mismatch.findings import Effect, EffectScore, Gain, TriedEffect, TriedOutcome
 from stemwatch.models.mismatch.fit.crossfit import gain
 from stemwatch.models.mismatch.search.drive import TERMS as OF_A_DRIVE
-from stemwatch.models.mismatch.search.term_selection import Named, SelectionStage, TermScore
-from stemwatch.models.stickslip.fit import Advantage
+from stemwatch.models.mismatch.search.named_terms import Named, SelectionStage, TermScore
+from stemwatch.models.stickslip.advantage import Advantage
 
 
 def what_was_tried(

@@ -8,7 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stemwatch.models.decision.decide import DecisionEvidence, decide, shape_of, undetermined
+from stemwatch.models.decision.decide import decide
+from stemwatch.models.decision.decision import shape_of
+from stemwatch.models.decision.decision_evidence import DecisionEvidence
+from stemwatch.models.decision.no_verdict import undetermined
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.limits import Limits
 from stemwatch.models.record_checks.data_quality import Obstacle

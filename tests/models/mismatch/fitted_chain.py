@@ -23,7 +23,7 @@ from stemwatch.models.mismatch.stem_model.kernel import Record, Scoring, follow
 from stemwatch.models.mismatch.stem_model.stem import Tables
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Floats, Recording, Role, Signal
-from stemwatch.models.stickslip.fit import CANONICAL
+from stemwatch.models.stickslip.evaluator import CANONICAL
 
 NOISE = 0.05  # percent of span, one sigma
 HALF_AN_HOUR = 1800

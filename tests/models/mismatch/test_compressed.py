@@ -23,7 +23,7 @@ from stemwatch.models.mismatch.measurement.compression import (
 from stemwatch.models.mismatch.measurement.record_effects import measured_record
 from stemwatch.models.mismatch.prepared_recording import prepare, problem_of, summary_of
 from stemwatch.models.stickslip import kernel
-from stemwatch.models.stickslip.fit import CANONICAL
+from stemwatch.models.stickslip.evaluator import CANONICAL
 from stemwatch.models.studies.null_scores import null_scores
 from stemwatch.models.studies.simulator.historian import swinging_door
 from stemwatch.service.studies.robustness import WAYS
@@ -184,6 +184,6 @@ def test_compression_alone_names_no_effect(seed):
 
 def convincing_any(result, counts):
     """Whether any score (mean, t, strength) would pass the limits of its term."""
-    from stemwatch.models.stickslip.fit import Advantage
+    from stemwatch.models.stickslip.advantage import Advantage
 
     return any(convincing(Advantage(*item[:2]), counts, slug) for slug, item in result.items())

@@ -16,13 +16,14 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.mismatch.acceptance_limits import LEAST_OF_A_PAIR, strength
-from stemwatch.models.mismatch.explain import explain, of_rivals
+from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding, Mismatch, TriedOutcome
 from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.identifiability import NO_POSITION, PHYSICS
+from stemwatch.models.mismatch.restated_stiction import of_rivals
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Recording, Role
-from stemwatch.models.stickslip.fit import Advantage
+from stemwatch.models.stickslip.advantage import Advantage
 from stemwatch.models.studies.null_scores import null_scores
 from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.models.studies.simulator.hidden import (

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import stemwatch
-from stemwatch.models.decision.decide import CHECK_TRANSMITTER
+from stemwatch.models.decision.doubts import CHECK_TRANSMITTER
 from stemwatch.models.record_checks.wandering_reading import find_wander
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.screening.screen import Case, Options, screen

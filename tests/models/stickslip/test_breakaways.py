@@ -18,8 +18,10 @@ from stemwatch.models.stickslip.breakaways import (
     _mean_of_sides,
     breakaways,
 )
-from stemwatch.models.stickslip.fit import S_and_J, _begun_at_slips, fit_stickslip
+from stemwatch.models.stickslip.fit import fit_stickslip
+from stemwatch.models.stickslip.fitted_slips import _begun_at_slips
 from stemwatch.models.stickslip.interval import bootstrap, interval
+from stemwatch.models.stickslip.parameters import S_and_J
 from stemwatch.models.stickslip.problem import make_problem
 from stemwatch.models.stickslip.search import SearchResult
 from stemwatch.models.studies.simulator import draw_healthy, draw_sticky, simulate_loop

@@ -10,12 +10,11 @@ import pytest
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip import parameters as coordinate
-from stemwatch.models.stickslip.fit import Advantage, advantage, fit_stickslip
+from stemwatch.models.stickslip.advantage import Advantage, advantage
+from stemwatch.models.stickslip.fit import fit_stickslip
 from stemwatch.models.stickslip.interval import bootstrap, interval
 from stemwatch.models.stickslip.problem import make_problem, scored_samples
-from stemwatch.models.studies.simulator import (
-    simulate_loop,
-)
+from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.models.studies.simulator.draws import draw_sticky
 from tests.models.half_an_hour import half_an_hour
 

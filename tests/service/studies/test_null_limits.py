@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from stemwatch.models.mismatch import acceptance_limits
-from stemwatch.models.mismatch.likelihood import maximum_likelihood as likelihood
+from stemwatch.models.mismatch.likelihood import likelihood_evidence as likelihood
 from stemwatch.service.studies.proof.nulls import NullValve, derived_limits
 
 FILE = Path(__file__).parents[3] / "docs" / "figures" / "mismatch-limits.json"

@@ -22,7 +22,7 @@ from stemwatch.models.field_test.rival_runs import RivalRuns
 from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.stickslip import kernel
-from stemwatch.models.stickslip.fit import ALWAYS, ONLY_WHEN_TURNING
+from stemwatch.models.stickslip.evaluator import ALWAYS, ONLY_WHEN_TURNING
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.valve_chain import CHAIN_PARAMETERS, ValveChain, valve_chain
 from stemwatch.service.twin.simulation_model.write_model import functional_mockup_unit

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from stemwatch.models.decision.decide import shape_of
+from stemwatch.models.decision.decision import shape_of
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.studies.literature.networks.network import TrainedNetwork, TrainingInput
 from stemwatch.models.verdict import Shape

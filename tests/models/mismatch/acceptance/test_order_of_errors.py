@@ -7,6 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from stemwatch.models.mismatch.acceptance import accepted_hypothesis as module
+from stemwatch.models.mismatch.acceptance import asked_of_the_whole as questions
+from stemwatch.models.mismatch.acceptance.effects_that_stand import STRAIGHT_LINE
 
 
 @pytest.mark.parametrize("dropped", [("span_error",), ("zero_shift", "span_error")])
@@ -27,10 +29,10 @@ def test_errors_are_taken_out_in_one_order(monkeypatch, dropped) -> None:
     monkeypatch.setattr(module, "lacking", lambda *_: named)
     monkeypatch.setattr(module, "FirstPart", lambda _: None)
     monkeypatch.setattr(module, "_immaterial", lambda _: set())
-    monkeypatch.setattr(module, "named_by_likelihood", lambda named, _: named)
-    monkeypatch.setattr(module, "sticking_by_likelihood", lambda named: named)
-    monkeypatch.setattr(module, "dwell_by_likelihood", lambda named, _: named)
-    monkeypatch.setattr(module, "_whole_record", whole_record)
+    monkeypatch.setattr(questions, "named_by_likelihood", lambda named, _: named)
+    monkeypatch.setattr(questions, "sticking_by_likelihood", lambda named: named)
+    monkeypatch.setattr(questions, "dwell_by_likelihood", lambda named, _: named)
+    monkeypatch.setattr(module, "on_whole_record", whole_record)
     monkeypatch.setattr(module, "replace", lambda found, **_: found)
     module.accepted_hypothesis(SimpleNamespace(refused=(), own_reading=True))
-    assert given == [(), tuple(slug for slug in module.STRAIGHT_LINE if slug in dropped)]
+    assert given == [(), tuple(slug for slug in STRAIGHT_LINE if slug in dropped)]

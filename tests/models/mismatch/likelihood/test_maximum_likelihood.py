@@ -10,13 +10,13 @@ import pytest
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import scored
 from stemwatch.models.mismatch.likelihood.breakaway_filter import GIVEN_UP
-from stemwatch.models.mismatch.likelihood.maximum_likelihood import BEHIND, RecordLikelihood
-from stemwatch.models.mismatch.search.named_by_likelihood import (
-    AHEAD,
+from stemwatch.models.mismatch.likelihood.maximum_likelihood import (
+    BEHIND,
     MORE_ROUNDS,
-    _worth_a_search,
+    RecordLikelihood,
 )
-from stemwatch.models.mismatch.search.term_selection import Named
+from stemwatch.models.mismatch.search.compared_by_likelihood import AHEAD, _worth_a_search
+from stemwatch.models.mismatch.search.named_terms import Named
 from stemwatch.models.mismatch.terms import catalogue
 from tests.models.mismatch.fitted_chain import (
     candidate,

@@ -21,7 +21,8 @@ from stemwatch.models.recording import PERCENT, Floats, Recording, Role, Signal
 from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.stickslip import parameters as coordinate
-from stemwatch.models.stickslip.fit import Advantage, fit_stickslip
+from stemwatch.models.stickslip.advantage import Advantage
+from stemwatch.models.stickslip.fit import fit_stickslip
 from stemwatch.models.stickslip.slip_levels import SlipLevels
 from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
 from stemwatch.models.verdict import Verdict

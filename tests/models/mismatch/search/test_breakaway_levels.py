@@ -23,7 +23,7 @@ from stemwatch.models.mismatch.search.breakaway_levels import (
     breakaway_evidence,
     refit_with_size,
 )
-from stemwatch.models.mismatch.search.term_selection import neutral
+from stemwatch.models.mismatch.search.term_scores import neutral
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.models.studies.simulator.defects import PackingDefects

@@ -10,21 +10,15 @@ import pytest
 from stemwatch.models.mismatch.acceptance.accepted_hypothesis import named_effects
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding, Mismatch
-from stemwatch.models.mismatch.likelihood.maximum_likelihood import LEAST_GAIN, RecordLikelihood
+from stemwatch.models.mismatch.likelihood.likelihood_evidence import LEAST_GAIN
+from stemwatch.models.mismatch.likelihood.maximum_likelihood import RecordLikelihood
 from stemwatch.models.mismatch.measurement.record_effects import measured_record
 from stemwatch.models.mismatch.prepared_recording import prepare, problem_of
-from stemwatch.models.mismatch.search.named_by_likelihood import (
-    STARTS,
-    _spread,
-    strongest_by_likelihood,
-)
+from stemwatch.models.mismatch.search.compared_by_likelihood import STARTS, _spread
+from stemwatch.models.mismatch.search.named_by_likelihood import strongest_by_likelihood
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.preparation.own_clock import on_own_clock
-from stemwatch.models.studies.simulator.hidden import (
-    draw_effect,
-    draw_hidden,
-    draw_nulls,
-)
+from stemwatch.models.studies.simulator.hidden import draw_effect, draw_hidden, draw_nulls
 from tests.models.mismatch.fitted_chain import (
     candidate,
     evaluator_of,

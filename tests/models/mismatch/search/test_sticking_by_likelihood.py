@@ -14,11 +14,11 @@ from stemwatch.models.mismatch.fit.base_coordinate import RESTICK
 from stemwatch.models.mismatch.fit.base_fit import RESTICK_REACH
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import scored
-from stemwatch.models.mismatch.likelihood.maximum_likelihood import LEAST_GAIN, RecordLikelihood
-from stemwatch.models.mismatch.search.named_by_likelihood import points_at
+from stemwatch.models.mismatch.likelihood.likelihood_evidence import LEAST_GAIN
+from stemwatch.models.mismatch.likelihood.maximum_likelihood import RecordLikelihood, points_at
+from stemwatch.models.mismatch.search.named_terms import Named
 from stemwatch.models.mismatch.search.reading_errors import LEAST_RESTICK, STICKS_AGAIN
 from stemwatch.models.mismatch.search.sticking_by_likelihood import sticking_by_likelihood
-from stemwatch.models.mismatch.search.term_selection import Named
 from stemwatch.models.studies.simulator.hidden import draw_effect, draw_hidden
 from tests.models.mismatch.fitted_chain import (
     candidate,

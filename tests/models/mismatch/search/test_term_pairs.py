@@ -15,10 +15,11 @@ from stemwatch.models.mismatch.fit.crossfit import gain
 from stemwatch.models.mismatch.measurement.record_effects import measured_record
 from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
 from stemwatch.models.mismatch.search import term_pairs
+from stemwatch.models.mismatch.search.named_terms import SelectionStage, TermScore
 from stemwatch.models.mismatch.search.term_pairs import best_pairs, with_pair
-from stemwatch.models.mismatch.search.term_selection import SelectionStage, TermScore, name_terms
+from stemwatch.models.mismatch.search.term_selection import name_terms
 from stemwatch.models.mismatch.terms import catalogue
-from stemwatch.models.stickslip.fit import Advantage
+from stemwatch.models.stickslip.advantage import Advantage
 from stemwatch.models.studies.simulator.hidden import draw_hidden
 from tests.models.mismatch.fitted_chain import simulated_by_chain
 

@@ -16,23 +16,16 @@ from stemwatch.models.mismatch.fit.crossfit import CAREFUL, gain, own_losses, re
 from stemwatch.models.mismatch.fit.evaluator import TermSet
 from stemwatch.models.mismatch.measurement.record_effects import measured_record
 from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
-from stemwatch.models.mismatch.search import term_selection
+from stemwatch.models.mismatch.search import explaining_terms, term_selection
+from stemwatch.models.mismatch.search.explaining_terms import AS_GOOD, accepted, passes
+from stemwatch.models.mismatch.search.named_terms import SelectionStage, TermScore
+from stemwatch.models.mismatch.search.needed_terms import pruned
 from stemwatch.models.mismatch.search.other_coordinates import in_bounds_of, without
-from stemwatch.models.mismatch.search.term_selection import (
-    AS_GOOD,
-    MOST_TERMS,
-    SelectionStage,
-    TermScore,
-    accepted,
-    name_terms,
-    neutral,
-    passes,
-    pruned,
-    reduced,
-)
+from stemwatch.models.mismatch.search.term_scores import neutral, reduced
+from stemwatch.models.mismatch.search.term_selection import MOST_TERMS, name_terms
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Recording
-from stemwatch.models.stickslip.fit import Advantage
+from stemwatch.models.stickslip.advantage import Advantage
 from stemwatch.models.stickslip.parameters import Bounds
 from stemwatch.models.studies.simulator.hidden import draw_hidden
 from tests.models.mismatch.fitted_chain import (
@@ -296,10 +289,10 @@ def test_another_term_goes_before_a_second_one_of_the_same_kind(monkeypatch):
         return SimpleNamespace(slug=slug, term=catalogue_of[slug], fitted=fitted)
 
     scores = [score("asymmetric_lag"), score("dead_time")]
-    monkeypatch.setattr(term_selection, "passes", lambda *_: True)
-    monkeypatch.setattr(term_selection, "_as_good", lambda *_: True)
-    monkeypatch.setattr(term_selection, "_nearly", lambda *_: True)
-    taken = term_selection.accepted(None, scores, 1)
+    monkeypatch.setattr(explaining_terms, "passes", lambda *_: True)
+    monkeypatch.setattr(explaining_terms, "_as_good", lambda *_: True)
+    monkeypatch.setattr(explaining_terms, "_nearly", lambda *_: True)
+    taken = explaining_terms.accepted(None, scores, 1)
     assert [item.slug for item in taken] == ["dead_time", "asymmetric_lag"]
 
 

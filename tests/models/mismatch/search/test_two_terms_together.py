@@ -12,16 +12,12 @@ from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import GLANCE, scored
 from stemwatch.models.mismatch.measurement.record_effects import measured_record
 from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
+from stemwatch.models.mismatch.search.named_terms import SelectionStage, beside_another
 from stemwatch.models.mismatch.search.other_coordinates import SHARES, carried_over, put_together
-from stemwatch.models.mismatch.search.term_selection import (
-    SelectionStage,
-    _put_beside,
-    _sticking_again,
-    beside_another,
-    screened,
-)
+from stemwatch.models.mismatch.search.term_scores import put_beside, screened
+from stemwatch.models.mismatch.search.term_selection import _sticking_again
 from stemwatch.models.mismatch.terms import catalogue
-from stemwatch.models.stickslip.fit import Advantage
+from stemwatch.models.stickslip.advantage import Advantage
 from tests.models.mismatch.fitted_chain import candidate, hypothesis, simulated_by_chain
 
 PAIR = {"dead_time": 3.0, "rate_limit": 1.5}
@@ -80,7 +76,7 @@ def test_a_lag_is_found_beside_a_delay_that_has_taken_its_part():
     (late,) = (score.fitted for score in alone if score.slug == "dead_time")
     more = [terms["actuator_lag"], terms["lost_motion"]]
     on_top = conclude(evaluator, screened(evaluator, late, more, GLANCE))
-    beside = conclude(evaluator, _put_beside(evaluator, late, on_top, alone))
+    beside = conclude(evaluator, put_beside(evaluator, late, on_top, alone))
     before, after = ({score.slug: score for score in scores} for scores in (on_top, beside))
     assert after["lost_motion"] is before["lost_motion"]
     lag, shorter = after["actuator_lag"], after["actuator_lag"].fitted.values("dead_time").mean()

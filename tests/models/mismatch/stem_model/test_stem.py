@@ -14,7 +14,7 @@ from stemwatch.models.mismatch.stem_model.kernel import Record, Scoring, follow
 from stemwatch.models.mismatch.stem_model.lane_rows import LANES
 from stemwatch.models.mismatch.stem_model.stem import Stem, Stems, places
 from stemwatch.models.stickslip import kernel
-from stemwatch.models.stickslip.fit import ONLY_WHEN_TURNING
+from stemwatch.models.stickslip.evaluator import ONLY_WHEN_TURNING
 from tests.models.mismatch.fitted_chain import followed
 
 GRID = 64.0  # all in 64ths of a percent: sums are exact, and ties are ties in every order
