@@ -228,15 +228,12 @@ def size_errors(followed: Sequence[FollowedValve]) -> list[SizeErrors]:
 
 
 def _errors(name: str, pairs: Sequence[tuple[Estimate | None, float]]) -> SizeErrors:
-    known_errors = [
-        (estimate.value, estimate.low or 0.0, estimate.high or np.inf, truth)
-        for estimate, truth in pairs
-        if estimate is not None and estimate.value is not None
-    ]
-    errors = [abs(value - truth) for value, _, _, truth in known_errors]
+    known = [(estimate.with_interval, truth) for estimate, truth in pairs if estimate is not None]
+    intervals = [(*interval, truth) for interval, truth in known if interval is not None]
+    errors = [abs(value - truth) for value, _, _, truth in intervals]
     return SizeErrors(
         name=name,
         median=float(np.median(errors)) if errors else float("nan"),
-        holds=sum(low <= truth <= high for _, low, high, truth in known_errors),
-        of=len(known_errors),
+        holds=sum(low <= truth <= high for _, low, high, truth in intervals),
+        of=len(intervals),
     )

@@ -75,6 +75,16 @@ def test_s_and_j_of_one_window_and_of_all_together():
     assert together.median == pytest.approx(0.1)
 
 
+def test_an_interval_that_ends_at_zero_holds_no_jump():
+    """A stem that is said not to jump at all, and jumps: an upper end of 0 is an end."""
+    followed = valve(("flow_force",), "flow_force", "flow_force", S=1.0)
+    nothing = Estimate(value=0.0, low=0.0, high=0.0, unit="%")
+    windows = tuple(replace(window, S=nothing, J=nothing) for window in followed.windows)
+    single, together = size_errors([replace(followed, windows=windows)])
+    assert (single.holds, single.of) == (0, 4)
+    assert (together.holds, together.of) == (0, 2)
+
+
 def test_later_windows_are_of_the_same_valve_moved_otherwise():
     """Nameplate, controller and hidden effects are those of the first; movements are its own."""
     (case,) = draw_effect("flow_force", 1, 5151)
