@@ -23,6 +23,7 @@ from stemwatch.connectors.historian.values.value_texts import (
     text_quality,
 )
 from stemwatch.models.recording import Bools, Floats, Quality, QualityCodes, Role
+from stemwatch.models.words import counted
 
 _SHOWN = 30
 _TOLD = 5  # doubtful cells of one tag that are listed with their lines
@@ -270,22 +271,22 @@ def _faulty(
         (
             implausible_values.denormal_values,
             Quality.CODE,
-            "are non-zero but below 1e-37, a state code in a value slot",
+            "non-zero but below 1e-37, as a state code in a value slot is",
         ),
         (
             implausible_values.out_of_float_range,
             Quality.RANGE,
-            "are 1e30 or more, which no signal can be",
+            "1e30 or more, which no signal can be",
         ),
         (
             implausible_values.pi_states,
             Quality.CODE,
-            "are numbers of PI system states far outside the tag's own range",
+            "as PI system states are numbered, and far outside the tag's own range",
         ),
         (
             implausible_values.zero_dropouts,
             Quality.RANGE,
-            "are exactly 0 for a moment between values far from 0: dropouts without a flag",
+            "exactly 0 for a moment between values far from 0, as in dropouts without a flag",
         ),
     )
     usable = quality <= Quality.HELD
@@ -295,7 +296,7 @@ def _faulty(
         if coded.any():
             examples = ", ".join(f"{v:g}" for v in np.unique(values[coded])[:4])
             n = int(coded.sum())
-            notes.decide(f"{tag}: {n} samples ({examples}) {description}; they are left out.")
+            notes.decide(f"{tag}: {counted(n, 'sample')} left out ({examples}): {description}.")
             reasons[f"{verdict.name.lower()} {examples}"[:_SHOWN]] += n
             quality = np.where(coded, verdict, quality).astype(np.uint8)
             usable = quality <= Quality.HELD

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from stemwatch.models.words import counted
 from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
@@ -99,7 +100,7 @@ def answer(
     with views.progress("answering", len(cases)) as advance:
         answers = answering(cases, choose_executor(workers), advance)
     write_answers(out, answers)
-    views.say_result(f"{out}: what {method} says of {len(cases)} recordings")
+    views.say_result(f"{out}: what {method} says of {counted(len(cases), 'recording')}")
     views.say_next(f"`stemwatch benchmark judge {folder} {out}`")
 
 

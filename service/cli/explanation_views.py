@@ -12,6 +12,7 @@ from rich.text import Text
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
+from stemwatch.models.words import counted
 from stemwatch.service.cli import views
 from stemwatch.service.explain.explain_recording import Explained
 from stemwatch.service.presenter.finding import PresentedEffect, present_effects
@@ -60,7 +61,7 @@ def tally(valves: Sequence[Explained]) -> str:
     words = [
         f"{counts[finding]} {effect_name(finding.value)}" for finding in Finding if counts[finding]
     ]
-    return f"[bold]{len(valves)} recordings:[/] {', '.join(words)}"
+    return f"[bold]{counted(len(valves), 'recording')}:[/] {', '.join(words)}"
 
 
 def _headline(explained: Explained) -> str:

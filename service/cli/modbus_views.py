@@ -16,6 +16,7 @@ from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType, Number
 from stemwatch.connectors.modbus.device import Device
 from stemwatch.connectors.modbus.read_fault import FaultKind, ReadFault
 from stemwatch.connectors.modbus.register_address import RegisterAddress
+from stemwatch.models.words import counted
 from stemwatch.service.cli.views import escape
 
 _ADVICE = {
@@ -70,7 +71,9 @@ def interpretations_table(address: RegisterAddress, words: Sequence[int]) -> Gri
 
 def map_table(device: Device, registers: Sequence[TriedRegister]) -> Grid:
     """The map of ``device`` as it was read: addresses, words, value, and why there is none."""
-    caption = f"{len(registers)} registers, requests for each poll: {len(device.blocks())}"
+    caption = (
+        f"{counted(len(registers), 'register')}, requests for each poll: {len(device.blocks())}"
+    )
     title = f"{device.name} at {device.link}: {caption}"
     grid = Grid(title=escape(title), title_justify="left")
     for name in ("tag", "as written", "address", "Modicon", "unit id", "type", "words"):

@@ -22,6 +22,7 @@ from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.preparation.own_clock import SpokenEstimate, estimate_in_seconds
 from stemwatch.models.recording import Floats, Recording, Role
 from stemwatch.models.stickslip.advantage import Advantage
+from stemwatch.models.words import counted
 
 FLOW_UNITS = ("/h", "/s", "/min", "gpm", "scfm", "lpm")
 MODEL_ERROR = 0.03  # one sigma, share of a parameter
@@ -249,7 +250,8 @@ def sentence_of(
     needed.
     """
     if finding is Finding.NONE:
-        tail = f" {len(refused)} effects could not be tested here." if refused else ""
+        untested = counted(len(refused), "effect")
+        tail = f" {untested} could not be tested here." if refused else ""
         return f"S and J explain this recording; nothing else is needed.{missed}{tail}"
     if finding is Finding.UNKNOWN and doubt:
         return f"{doubt}: it cannot be told whether they leave something out, and nothing is named."

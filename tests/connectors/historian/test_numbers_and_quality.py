@@ -141,7 +141,7 @@ def test_pi_states_far_outside_the_range_are_codes(open_text) -> None:
     low[7] = "246"
     recording = open_text(column(low)).read(OP)
     assert recording.op.quality[7] == Quality.CODE
-    assert "PI system states" in said(recording)
+    assert "OP: 1 sample left out (246): as PI system states are numbered" in said(recording)
     high = [f"{180 + 3 * i}.5" for i in range(40)]
     high[7] = "246"
     assert open_text(column(high), "b.csv").read(OP).op.quality[7] == Quality.GOOD
@@ -155,7 +155,7 @@ def test_isolated_zeros_far_from_the_values_are_dropouts(open_text) -> None:
     cells[50:54] = ["0.00"] * 4
     recording = open_text(column(cells)).read(OP)
     assert np.flatnonzero(recording.op.quality == Quality.RANGE).tolist() == [50, 51, 52, 53]
-    assert "dropouts without a flag" in said(recording)
+    assert "OP: 4 samples left out (0): exactly 0 for a moment" in said(recording)
     steps = [f"{max(0, 8 - i % 12)}" for i in range(400)]
     assert open_text(column(steps), "b.csv").read(OP).op.usable.all()
 
