@@ -104,10 +104,11 @@ def instant(text: str, zone: str, option: str) -> datetime | None:
         raise typer.BadParameter(
             f"{text!r} is not a time; expected ISO form such as 2026-10-28T06:00", param_hint=option
         ) from error
-    return moment if moment.tzinfo else moment.replace(tzinfo=_zone(zone))
+    return moment if moment.tzinfo else moment.replace(tzinfo=zone_of(zone))
 
 
-def _zone(zone: str) -> ZoneInfo:
+def zone_of(zone: str) -> ZoneInfo:
+    """A time zone of the command line; UTC where it is empty. Raises ``typer.BadParameter``."""
     from stemwatch.connectors.settings import known_zone
 
     try:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from stemwatch.models.words import counted
 from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
@@ -69,6 +70,7 @@ class LoopKind(StrEnum):
 
 
 def simulate(
+    context: typer.Context,
     out: Annotated[Path, typer.Option(help="Folder to write into.")] = Path("simulated"),
     what: Annotated[
         LoopKind, typer.Option(help="The demo plant, or random healthy or sticking loops.")
@@ -99,6 +101,7 @@ def simulate(
     With --modbus the loops run on behind a Modbus server that only answers requests to read, and
     the plant.toml that reads them is written. The first valve wears unless --wear names others.
     """
+    _refuse_unused(context, modbus)
     if count is not None and what is LoopKind.DEMO:
         raise typer.BadParameter(
             "the demo plant always has its fifteen loops; give --what healthy or --what sticky",
@@ -113,12 +116,23 @@ def simulate(
             port=port,
             speed=speed,
             seed=seed,
+            zone=o.zone_of(zone).key,
             wear=wear,
             wear_over_s=wear_over_s,
             repairs=repairs,
         )
         return
     _export(out, what, count, seed, start, zone)
+
+
+def _refuse_unused(context: typer.Context, modbus: bool) -> None:
+    """Raises ``typer.BadParameter`` for an option that the other way of simulating has."""
+    unused = ("start",) if modbus else ("host", "port", "speed", "wear", "wear_over_s", "repairs")
+    for name in unused:
+        source = context.get_parameter_source(name)
+        if source is not None and source.name != "DEFAULT":
+            reason = "the live plant begins now" if modbus else "without --modbus nothing is served"
+            raise typer.BadParameter(reason, param_hint=f"--{name.replace('_', '-')}")
 
 
 def _export(out: Path, kind: LoopKind, count: int, seed: int, start: str, zone: str) -> None:
@@ -158,6 +172,7 @@ def _serve_modbus(
     port: int,
     speed: float,
     seed: int,
+    zone: str,
     wear: Sequence[str] | None,
     wear_over_s: float,
     repairs: str,
@@ -172,7 +187,7 @@ def _serve_modbus(
     def ready(server: PlantServer, file: Path) -> None:
         views.out.print(map_table(loops))
         if len(loops) > _SHOWN:
-            views.out.print(f"and so on; {len(loops)} loops in all.", highlight=False)
+            views.out.print(f"and so on; {counted(len(loops), 'loop')} in all.", highlight=False)
         worn = ", ".join(wearing) or "none"
         for line in (
             f"Modbus on {server.host}:{server.port}, unit {server.unit_id}, for reading only",
@@ -181,7 +196,7 @@ def _serve_modbus(
         ):
             views.out.print(views.escape(line), highlight=False, soft_wrap=True)
 
-    views.say(f"Simulating {len(loops)} loops ...")
+    views.say(f"Simulating {counted(len(loops), 'loop')} ...")
     with contextlib.ExitStack() as stack:
         repairing = None
         if repairs:
@@ -193,6 +208,7 @@ def _serve_modbus(
             port,
             speed=speed,
             every_s=round(1.0 / speed, 3),
+            zone=zone,
             wear=wearing,
             seed=seed,
             ready=ready,

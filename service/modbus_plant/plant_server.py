@@ -120,6 +120,7 @@ def serve_plant(
     *,
     speed: float = 1.0,
     every_s: float = 1.0,
+    zone: str,
     wear: Mapping[str, Wear] | None = None,
     seed: int = 1,
     ready: Callable[[PlantServer, Path], None] = lambda server, file: None,
@@ -142,7 +143,7 @@ def serve_plant(
 
     def begin(server: PlantServer) -> None:
         folder.mkdir(parents=True, exist_ok=True)
-        text = plant_toml(loops, host=host, port=server.port, every_s=every_s)
+        text = plant_toml(loops, host=host, port=server.port, every_s=every_s, zone=zone)
         file = folder / PLANT_FILE
         file.write_text(text, encoding="utf-8", newline="\n")
         ready(server, file)

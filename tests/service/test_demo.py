@@ -196,6 +196,23 @@ def test_a_start_that_is_no_time_is_refused(stemwatch, tmp_path: Path) -> None:
     assert not (tmp_path / "x").exists()
 
 
+@pytest.mark.parametrize(
+    ("given", "unused"),
+    [
+        (("--port", 5021), "--port"),
+        (("--wear-over-s", 60), "--wear-over-s"),
+        (("--modbus", "--start", "2026-07-01T06:00"), "--start"),
+        (("--modbus", "--zone", "Europe/Atlantis"), "--zone"),
+    ],
+)
+def test_an_option_that_would_change_nothing_is_refused(stemwatch, tmp_path, given, unused) -> None:
+    """Those of the live plant beside an export, and the other way round."""
+    outcome = stemwatch("simulate", *given, "--out", tmp_path / "x")
+    assert outcome.status == 2
+    assert f"Invalid value for {unused}" in " ".join(outcome.said.replace("│", " ").split())
+    assert not (tmp_path / "x").exists()
+
+
 def test_a_count_of_the_demo_plant_is_refused(stemwatch, tmp_path: Path) -> None:
     """Its loops are always the same ones: --count would change nothing, and says so."""
     outcome = stemwatch("simulate", "--count", 2, "--out", tmp_path / "x")

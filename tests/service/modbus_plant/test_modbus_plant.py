@@ -368,9 +368,10 @@ def test_serving_writes_a_plant_file_that_describes_itself(tmp_path: Path) -> No
         result.append((server.port, file))
         raise KeyboardInterrupt  # as if someone had pressed Ctrl-C
 
-    serve_plant(loops()[:1], tmp_path, port=0, every_s=0.5, ready=ready)
+    serve_plant(loops()[:1], tmp_path, port=0, every_s=0.5, zone="Asia/Tokyo", ready=ready)
     ((port, file),) = result
     data = tomllib.loads(file.read_text("utf-8"))
+    assert data["plant"]["zone"] == "Asia/Tokyo"
     read = read_devices(data["devices"])
     assert read.problems == ()
     assert (read.devices[0].link.port, read.devices[0].every_s) == (port, 0.5)
