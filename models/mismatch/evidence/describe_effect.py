@@ -254,7 +254,7 @@ def sentence_of(
         tail = f" {untested} could not be tested here." if refused else ""
         return f"S and J explain this recording; nothing else is needed.{missed}{tail}"
     if finding is Finding.UNKNOWN and doubt:
-        return f"{doubt}: it cannot be told whether they leave something out, and nothing is named."
+        return f"{doubt}: it cannot be told whether anything is left out, and nothing is named."
     if finding is Finding.UNKNOWN:
         place_clause = (
             "the residual map shows where it differs"

@@ -109,3 +109,9 @@ def test_no_parts_are_said_only_where_none_are_needed():
         == "actuator spring, where the bench set cannot be reached"
     )
     assert parts_for([k.WRONG]) == ("none",)
+
+
+def test_a_step_that_looks_for_an_overshoot_lets_the_stem_go() -> None:
+    """Only a step larger than S moves a stem that sticks; J above S begins at an S of 1.5 %."""
+    (look,) = (step for step in advice_for("stiction_overshoot").steps if "overshoot" in step.text)
+    assert "more than S" in look.text
