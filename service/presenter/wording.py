@@ -149,9 +149,13 @@ def as_sentences(remarks: Iterable[str]) -> str:
 
 
 def duration(seconds: float) -> str:
-    """A duration in the one or two units in which people say it."""
+    """A duration in the one or two units in which people say it; a setting's round number stays
+    one (60 s, 2.5 min).
+    """
     if seconds < 120:
-        return f"{figure(seconds)} s"
+        return f"{seconds:.0f} s" if seconds == round(seconds) else f"{figure(seconds)} s"
+    if seconds < 600 and round(seconds) % 60:
+        return f"{figure(seconds / 60.0, 2)} min"
     rounded = timedelta(seconds=round(seconds))
     hours, minutes = rounded.seconds // 3600, rounded.seconds % 3600 // 60
     if rounded.days:

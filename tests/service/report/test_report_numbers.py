@@ -165,7 +165,15 @@ def test_numbers_read_as_people_write_them(value, text):
 
 @pytest.mark.parametrize(
     ("seconds", "text"),
-    [(90, "90.0 s"), (1800, "30 min"), (3600, "1 h"), (5400, "1 h 30 min"), (90000, "1 d 1 h")],
+    [
+        (60, "60 s"),
+        (90.25, "90.2 s"),
+        (150, "2.5 min"),
+        (1800, "30 min"),
+        (3600, "1 h"),
+        (5400, "1 h 30 min"),
+        (90000, "1 d 1 h"),
+    ],
 )
 def test_durations_read_as_people_say_them(seconds, text):
     """One or two units, none of them zero."""
