@@ -24,7 +24,7 @@ def plant_toml(
     host: str,
     port: int,
     every_s: float = 1.0,
-    name: str = "Live demo plant",
+    name: str = "Simulated plant",
     zone: str = "Europe/Berlin",
     strokes: Mapping[str, str] | None = None,
 ) -> str:

@@ -390,3 +390,4 @@ def test_the_valves_are_understood_by_the_plant_file_reader(tmp_path: Path) -> N
     plant = load_plant(file)
     assert plant.problems == ()
     assert set(plant.valves) == {loop.tag for loop in loops()}
+    assert plant.name == "Simulated plant"  # every page shows it; only the live demo is one
