@@ -44,9 +44,11 @@ def list_users(plant: PlantOfStore = None, db: StoreUrl = "") -> None:
     with _store(plant, db) as store:
         users = store.accounts.all()
     for user in users:
-        seen = f"{user.last_login:%Y-%m-%d %H:%M} UTC" if user.last_login else "never"
+        seen = "not signed in with a password yet"  # a one-time link also lets in
+        if user.last_login:
+            seen = f"last signed in {user.last_login:%Y-%m-%d %H:%M} UTC"
         state = ", disabled" if user.disabled else ""
-        line = f"{user.name}: {user.role}{state}, last signed in {seen}"
+        line = f"{user.name}: {user.role}{state}, {seen}"
         views.out.print(views.escape(line), highlight=False, soft_wrap=True)
     if not users:
         views.out.print("Nobody can sign in yet.", highlight=False)

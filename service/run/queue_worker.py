@@ -139,8 +139,9 @@ class QueueWorker:
         _remove_old(run.out.parent, self._plant.service.keep_reports)
         report = None if files is None else str(run.out)
         finished = self._store.queue.finish(stored.id, RunState.DONE, report=report)
-        text = "run %d is over: %d valves, %d set aside"
-        log.info(text, stored.id, finished.total, finished.set_aside, extra={"run": stored.id})
+        text = "run %d is over: %s, %d set aside"
+        valves = counted(finished.total, "valve")
+        log.info(text, stored.id, valves, finished.set_aside, extra={"run": stored.id})
 
     def _executor(self) -> Executor:
         """The executor of ``[service]``; isolated, since work in this process could end the

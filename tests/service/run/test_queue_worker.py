@@ -55,9 +55,12 @@ def work(store: Store, plant: Plant, **how) -> None:
     assert worker.once(threading.Event())
 
 
-def test_a_run_screens_saves_and_reports(make_plant, plant_store: Store) -> None:
+def test_a_run_screens_saves_and_reports(
+    make_plant, plant_store: Store, caplog: pytest.LogCaptureFixture
+) -> None:
     """Every valve has a verdict, a network, a baseline that the next run refers to, and the report
     is there; a run of one valve touches that one only."""
+    caplog.set_level("INFO")
     plant = make_plant()
     first = put(plant_store, who="Ann")
     work(plant_store, plant)
@@ -71,6 +74,7 @@ def test_a_run_screens_saves_and_reports(make_plant, plant_store: Store) -> None
     second = put(plant_store, valves=(STICKY,), who="Ann")
     work(plant_store, plant)
     assert plant_store.run(second).total == 1
+    assert f"run {second} is over: 1 valve, 0 set aside" in caplog.text
     (screening,) = plant_store.screenings(STICKY)
     assert screening.run_id == second
     assert screening.baseline_id == plant_store.baseline(STICKY).id
