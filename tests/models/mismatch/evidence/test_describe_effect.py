@@ -21,3 +21,10 @@ def test_what_could_not_be_tested_is_counted(refused, said):
     sentence = sentence_of(Finding.NONE, (), dict.fromkeys(refused, "why"), None, "", "")
     assert sentence.startswith("S and J explain this recording")
     assert sentence.endswith(said)
+
+
+def test_where_an_effect_is_doubted_nothing_else_is_meant_by_they():
+    """The doubt speaks of effects, and what may leave something out are S and J."""
+    doubt = "Asymmetric lag would explain parts of this recording"
+    said = sentence_of(Finding.UNKNOWN, (), {}, None, doubt, "")
+    assert said == f"{doubt}: it cannot be told whether anything is left out, and nothing is named."
