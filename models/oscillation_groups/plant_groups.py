@@ -40,8 +40,8 @@ NO_UNITS: Mapping[str, str] = MappingProxyType({})
 NO_FEEDS: Mapping[str, Sequence[str]] = MappingProxyType({})
 
 _WORDS = {
-    "share": "most of its movement is this oscillation",
-    "purity": "it has little movement of its own beside it",
+    "share": "this oscillation makes more of its movement than of the others'",
+    "purity": "it has less movement of its own beside it than the others",
     "harmonics of PV": "its PV has more of the oscillation's harmonics",
     "harmonics of OP": "its OP has more of the oscillation's harmonics",
     "lead": "it wanders in phase before the others",
@@ -276,7 +276,7 @@ def _group_result(
 ) -> OscillationGroup:
     ranking = rank_sources(evidence, WEIGHTS)
     shares = dict(zip(group.members, group.shares, strict=True))
-    sentences = _evidence_sentences(evidence, ranking)
+    sentences = evidence_sentences(evidence, ranking)
     strength, _ = strength_over_time(spectra, group, WINDOWS)
     duration_s = spectra.size * spectra.interval_s
     periods = np.geomspace(
@@ -307,7 +307,7 @@ def _group_result(
     )
 
 
-def _evidence_sentences(
+def evidence_sentences(
     evidence: MemberEvidence, ranking: SourceRanking
 ) -> dict[int, tuple[str, ...]]:
     """The evidence for each of the first two, the weightiest first."""
@@ -315,7 +315,11 @@ def _evidence_sentences(
     weighed = compared(evidence) * np.maximum(WEIGHTS.member, 0.0)
     out = {}
     for i in ranking.members[:2]:
-        row = weighed[evidence.members.index(i)]
+        place = evidence.members.index(i)
+        row = weighed[place].copy()
+        if evidence.values[place, NAMES.index("sticking")] <= 0.0:
+            # Ahead of valves that do not stick is also one of which nothing is known.
+            row[NAMES.index("sticking")] = 0.0
         order = np.argsort(-row)
         out[i] = tuple(_WORDS[NAMES[k]] for k in order[:3] if row[k] >= _SAID)
     return out

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import UTC, datetime
 
 import numpy as np
 
@@ -71,8 +71,8 @@ class StoredSamples:
         if tag not in tags_by_name:
             close_names = nearest_names(tag, sorted(tags_by_name))
             raise UnknownTag(
-                f"{self._where}: there is no sample of {tag!r} among {len(tags_by_name)} tags; the "
-                "nearest are "
+                f"source {self.source}: there is no sample of {tag!r} among {len(tags_by_name)} "
+                "tags; the nearest are "
                 f"{close_names or 'none: nothing was collected yet'}"
             )
         samples = self._samples.read(self.source, tag, window.start, window.stop)
@@ -94,15 +94,15 @@ class StoredSamples:
         bad = "; ".join(
             f"{words} ({times(count)})" for words, count in list(reason_counts.items())[:3]
         )
-        return (
-            f"{self._where}: {op.tag}: no good sample of the controller output in "
+        return (  # without the database's address: pages show this to everybody
+            f"source {self.source}: {op.tag}: no good sample of the controller output in "
             f"{_span(window.start, window.stop)}; {stored_span}{f'. Bad: {bad}' if bad else ''}"
         )
 
 
 def _span(start: datetime | None, stop: datetime | None) -> str:
-    """A window to the second, in the zone that its ends are in."""
+    """A window to the second, in UTC, and said to be."""
     first, last = (
-        "…" if end is None else end.isoformat(sep=" ", timespec="seconds") for end in (start, stop)
+        "…" if end is None else f"{end.astimezone(UTC):%Y-%m-%d %H:%M:%S}" for end in (start, stop)
     )
-    return f"{first} to {last}"
+    return f"{first} to {last} UTC"
