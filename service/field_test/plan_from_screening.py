@@ -39,7 +39,23 @@ def plan_of(
     blind = any(untold_effect.reason == identifiability.NO_POSITION for untold_effect in untold)
     if mismatch is not None and mismatch.finding is Finding.UNKNOWN:
         plan = _nothing_between(plan)
+    elif mismatch is not None:
+        plan = _by_hand(plan, mismatch)
     return _without_position(plan) if blind else plan
+
+
+def _by_hand(plan: FieldTestPlan, mismatch: Mismatch) -> FieldTestPlan:
+    """``plan``, but where effects are left open between which no test can be designed it says so,
+    with the test by hand that their advice has."""
+    open_effects = [effect for effect in mismatch.effects if len(effect.members) > 1]
+    if plan.kind is not PlanKind.NOTHING_LEFT or not open_effects:
+        return plan
+    left_open = "; ".join(
+        f"{' or '.join(slug.replace('_', ' ') for slug in effect.members)} is left open, and only "
+        f"a test by hand tells: {effect.decide.rstrip('.')}"
+        for effect in open_effects
+    )
+    return replace(plan, kind=PlanKind.CANNOT_TELL, rivals=(), test=None, reason=left_open)
 
 
 def _nothing_between(plan: FieldTestPlan) -> FieldTestPlan:

@@ -74,10 +74,10 @@ class PresentedEffect:
 
     @property
     def passes(self) -> str:
-        """What passes the field test, and that this effect passes it where it is no defect."""
+        """What passes the field test, and that this effect needs no work where it is no defect."""
         if self.test is None:
             return ""
-        passed = "; what this finding expects passes as well" if self.as_built else ""
+        passed = "; what was found here needs no work either" if self.as_built else ""
         return f"{self.test.passes}{passed}"
 
     @property

@@ -167,3 +167,17 @@ def test_files_are_written_beside_each_other(tmp_path):
 def test_times_are_minutes_and_seconds(seconds, text):
     """Seconds are written as minutes and seconds."""
     assert clock(seconds) == text
+
+
+def test_what_only_a_test_by_hand_tells_is_not_said_to_be_settled():
+    """Where the valve's page names two effects that this recording cannot tell apart, and no test
+    between them can be designed, the plan says which, and what to do by hand."""
+    (named,) = [one for one in of_every_kind() if one.finding is Finding.NAMED]
+    (first, *_) = named.effects
+    pair = replace(first, members=(first.slug, "low_speed_restick"), decide="Ramp OP slowly.")
+    left_open = replace(named, effects=(pair,), open_question=None)
+    headline = sheet_of(plan_of(left_open, TestLimits()), "FIC-1").headline
+    assert headline.endswith("or low speed restick is left open, and only a test by hand tells: "
+                             "Ramp OP slowly.")  # fmt: skip
+    alone = replace(named, effects=(replace(first, members=(first.slug,)),), open_question=None)
+    assert "Nothing is left to be told" in sheet_of(plan_of(alone, TestLimits()), "FIC-1").headline

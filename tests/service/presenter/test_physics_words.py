@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from stemwatch.models.mismatch.findings import Finding
-from stemwatch.service.presenter.finding import STEM_OF_A_DRIVE, why_no_work
+from stemwatch.service.presenter.finding import STEM_OF_A_DRIVE, present_effect, why_no_work
 from stemwatch.service.presenter.physics_words import finding_title
 from tests.service.example_mismatches import named, of_every_kind, second_effect
 
@@ -32,3 +32,11 @@ def test_of_a_drive_it_is_said_what_the_stem_is() -> None:
     assert "belongs to such a machine" in why_no_work([drive])
     assert STEM_OF_A_DRIVE in why_no_work([drive])
     assert STEM_OF_A_DRIVE not in why_no_work([replace(drive, slug="slip_overshoot")])
+
+
+def test_what_needs_no_work_is_not_said_to_pass_a_test_that_it_does_not() -> None:
+    """A zero of 0.8 % does not read within 0.4 %; it is only too small to need work."""
+    (effect,) = named().effects[:1]
+    card = present_effect(replace(effect, inherent=True))
+    assert card.test is not None
+    assert card.passes.endswith("; what was found here needs no work either")
