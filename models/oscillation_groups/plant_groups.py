@@ -29,7 +29,9 @@ from stemwatch.models.oscillation_groups.sources import (
 from stemwatch.models.recording import Floats, Recording, Role
 
 LONGEST = 8640  # samples of a loop that are kept: a day at 10 s
-FEWEST = 200  # samples that two loops must have in common
+# Samples that two loops must have in common: two hours at 10 s, the shortest records on which it
+# was counted that unrelated loops make no group. In minutes they do.
+FEWEST = 720
 WINDOWS = 24  # of the record, for each of which the strength is given
 BANDS = 60  # of the heat map
 _OVERLAP = 0.5  # of the shorter window, that loops were recorded together
