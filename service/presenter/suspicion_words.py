@@ -264,7 +264,12 @@ def answers_sentence(steps: Sequence[NextStep]) -> str:
         Suspicion.CANNOT_TELL: "left open",
     }
     counted = ", ".join(f"{count[verdict]} {said}" for verdict, said in words.items())
-    sentence = f"What OP and PV alone tell of {asked} without a verdict: {counted}."
+    # Where the position reading is to be mended nothing is said of OP and PV, and the headline
+    # counts such a valve too.
+    sentence = (
+        f"What OP and PV alone tell of {asked} without a verdict, faulty position readings aside: "
+        f"{counted}."
+    )
     return " ".join(filter(None, (sentence, suspected_sentence(loops_to_test(steps)))))
 
 

@@ -264,3 +264,13 @@ def test_any_text_is_laid_out(text):
     }
     list_of = work_list_of([changed, blind], replace(report_context, valves=facts), BACKGROUND)
     assert pages(work_list_pdf(list_of, compress=False)) >= 2
+
+
+def test_the_line_under_a_valve_begins_with_what_is_known_of_it():
+    """A plant file as ``inspect`` proposes it describes no valve."""
+    valves = [screening("FV-1", S=5.0)]
+    plain = context(valves)
+    facts = {valve: replace(item, description="") for valve, item in plain.valves.items()}
+    html = work_list_html(work_list_of(valves, replace(plain, valves=facts))).decode()
+    (line,) = re.findall(r'<p class="quiet clamp c2">(.*?)</p>', html)
+    assert re.sub("<[^>]+>", "", line) == "Area 100 · criticality 3 · stroke 40 mm"
