@@ -245,7 +245,8 @@ def test_what_op_and_pv_say_is_counted_before_anything_is_ranked(make_screening,
     sentence = answers_sentence(steps)
     assert sentence.startswith(
         "What OP and PV alone tell of 4 valves without a verdict, faulty position readings aside: "
-        "1 suspected of sticking, 2 without any sign of it, 1 left open. 1 loop deserves a position transmitter"
+        "1 suspected of sticking, 2 without any sign of it, 1 left open. 1 loop deserves a "
+        "position transmitter"
     )
     assert answers_sentence([step for step in steps if step.loops == ("D",)]) == (
         "What OP and PV alone tell of one valve without a verdict, faulty position readings aside: "
