@@ -21,10 +21,11 @@ QUICK = {"minutes": "2"}
 def open_to_question(filled: Store) -> Store:
     """The small plant, whose sticky valve leaves lag and dead time open, a healthy one nothing."""
     run = filled.begin_run(software_version="1")
-    for valve, question in ((STICKY, QUESTION), (HEALTHY, replace(QUESTION, models=()))):
-        changed = replace(
-            named(), finding=Finding.CANDIDATES, open_question=question, p_value=0.001, runs=None
-        )
+    told = named()  # the first of its two effects has no rival
+    left_open = replace(told, finding=Finding.CANDIDATES, open_question=QUESTION)
+    settled = replace(told, effects=told.effects[:1], open_question=replace(QUESTION, models=()))
+    for valve, mismatch in ((STICKY, left_open), (HEALTHY, settled)):
+        changed = replace(mismatch, p_value=0.001, runs=None)
         filled.save(screening(valve, at=NOW + timedelta(hours=1), mismatch=changed), run)
     return filled
 
