@@ -14,9 +14,10 @@ from stemwatch.models.record_checks.on_a_stop import Stop
 from stemwatch.models.record_checks.own_swing import OwnSwing
 from stemwatch.models.record_checks.pulsing_stem import Pulses
 from stemwatch.models.record_checks.wandering_reading import Wander
+from stemwatch.models.screening_result import Residual
 from stemwatch.models.stickslip.change_of_stiction import ChangeOfStiction
 from stemwatch.models.verdict import NoVerdict, Verdict
-from tests.models.decision.test_decide import LIMITS, NO_FRICTION, evidence
+from tests.models.decision.test_decide import LIMITS, NO_FRICTION, POOR_FIT, evidence
 
 STICKY, WATCH = LIMITS.sticky_S_percent, LIMITS.watch_S_percent
 
@@ -83,3 +84,35 @@ def test_verdict_beside_friction(given, verdict, why):
     decision = decide(case if estimate is None else replace(case, S=estimate), LIMITS)
     assert (decision.verdict, decision.no_verdict) == (verdict, why)
     assert "None" not in decision.reason
+
+
+@pytest.mark.parametrize(
+    ("rmse", "verdict"), [(0.59, Verdict.HEALTHY), (0.61, Verdict.UNDETERMINED)]
+)
+def test_a_lag_that_follows_within_three_times_the_noise_hides_no_friction(rmse, verdict):
+    """What a lag leaves is then that of the readings."""
+    following = Residual(rmse=rmse, normalised=0.2)
+    case = evidence(**SMALL, without_lag=STICKY, following=following, sigma=0.2)
+    assert decide(case, LIMITS).verdict is verdict
+
+
+@pytest.mark.parametrize(
+    ("normalised", "verdict"), [(0.79, Verdict.STICKY), (0.81, Verdict.UNDETERMINED)]
+)
+def test_a_fit_below_a_fifth_describes_no_valve(normalised, verdict):
+    """Also where a network follows it no better, which is not named then."""
+    residual = Residual(rmse=3.0, normalised=normalised)
+    case = evidence(5.0, following=residual, narx=residual, **POOR_FIT)
+    decision = decide(case, LIMITS)
+    assert decision.verdict is verdict
+    assert "network" not in decision.reason
+
+
+@pytest.mark.parametrize(("hidden", "doubted"), [(STICKY, True), (0.99 * STICKY, False)])
+def test_averages_that_may_hide_a_sticky_stem_halve_the_confidence(hidden, doubted):
+    """The sentence says how much they may hide, and over how long they may be kept."""
+    decision = decide(evidence(**SMALL, S_averaged=hidden, every_s=60.0), LIMITS)
+    assert decision.verdict is Verdict.HEALTHY
+    assert (decision.confidence <= 0.5) == doubted
+    assert ("may hide an S of up to 1.5 %" in decision.reason) == doubted
+    assert ("keeps averages" in decision.advice) == doubted
