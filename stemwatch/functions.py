@@ -9,16 +9,8 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Unpack, overload
 
 from stemwatch.connectors.settings import nearest
-from stemwatch.inputs import (
-    FileOptions,
-    FilePath,
-    OneValve,
-    SignalInput,
-    checked_options,
-    is_several,
-    one_recording,
-    several,
-)
+from stemwatch.input_options import FileOptions, FilePath, OneValve, SignalInput, checked_options
+from stemwatch.inputs import is_several, one_recording, several
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import Screening

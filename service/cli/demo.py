@@ -28,6 +28,7 @@ NEEDED_LATER = (
 
 
 def demo(
+    context: typer.Context,
     out: Annotated[
         Path | None,
         typer.Option(help="Folder for everything the demo makes: demo, or demo-live where live."),
@@ -66,8 +67,10 @@ def demo(
     watches them, and a catcher for its mails. Record maintenance of the valve, and it is repaired.
     """
     if live:
+        o.refuse(context, ("workers",), "the service of the live demo chooses them")
         _live(out or Path("demo-live"), port, speed, seed, open_page)
         return
+    o.refuse(context, ("port", "speed", "open_page"), "without --live no service runs")
     _report(out or Path("demo"), seed, workers)
 
 

@@ -117,6 +117,15 @@ def zone_of(zone: str) -> ZoneInfo:
         raise typer.BadParameter(f"found {zone!r}; expected {error}", param_hint="--zone") from None
 
 
+def refuse(context: typer.Context, names: Iterable[str], reason: str) -> None:
+    """Raises ``typer.BadParameter`` with ``reason`` where one of the parameters ``names``, which
+    would change nothing, was given."""
+    for parameter in context.command.params:
+        source = context.get_parameter_source(parameter.name or "")
+        if parameter.name in names and source is not None and source.name != "DEFAULT":
+            raise typer.BadParameter(reason, param_hint=parameter.opts[0])
+
+
 def names_that_hold(
     parts: list[str] | None, names: Iterable[str], option: str, noun: str
 ) -> list[str]:

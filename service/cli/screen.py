@@ -66,6 +66,11 @@ def screen(
     chosen = valves_in_part(request.plant, part_of(site, area, unit))
     request = replace(request, valves=request.valves or chosen)
     _need_prices(request.plant, rank_by)
+    if workers is not None and executor != "local":
+        raise typer.BadParameter(
+            f"it counts the processes of the executor local, and {executor} has its own",
+            param_hint="--workers",
+        )
     ranking = _run(
         request,
         out,

@@ -27,6 +27,8 @@ COUNT = 20  # random loops, where the user names no number
 LIVE = "A live plant behind Modbus"
 WEAR = re.compile(r"(?P<tag>.+)=(?P<S>\d+(?:\.\d+)?)(?:/(?P<J>\d+(?:\.\d+)?))?")
 USUAL = "6/2.4"  # S and J in percent that the valve reaches by default
+# Parameters that only the live plant has.
+OF_THE_SERVER = ("host", "port", "speed", "wear", "wear_over_s", "repairs")
 _SHOWN = 12  # loops of which the map is printed
 
 Modbus = Annotated[
@@ -101,7 +103,10 @@ def simulate(
     With --modbus the loops run on behind a Modbus server that only answers requests to read, and
     the plant.toml that reads them is written. The first valve wears unless --wear names others.
     """
-    _refuse_unused(context, modbus)
+    if modbus:
+        o.refuse(context, ("start",), "the live plant begins now")
+    else:
+        o.refuse(context, OF_THE_SERVER, "without --modbus nothing is served")
     if count is not None and what is LoopKind.DEMO:
         raise typer.BadParameter(
             "the demo plant always has its fifteen loops; give --what healthy or --what sticky",
@@ -123,16 +128,6 @@ def simulate(
         )
         return
     _export(out, what, count, seed, start, zone)
-
-
-def _refuse_unused(context: typer.Context, modbus: bool) -> None:
-    """Raises ``typer.BadParameter`` for an option that the other way of simulating has."""
-    unused = ("start",) if modbus else ("host", "port", "speed", "wear", "wear_over_s", "repairs")
-    for name in unused:
-        source = context.get_parameter_source(name)
-        if source is not None and source.name != "DEFAULT":
-            reason = "the live plant begins now" if modbus else "without --modbus nothing is served"
-            raise typer.BadParameter(reason, param_hint=f"--{name.replace('_', '-')}")
 
 
 def _export(out: Path, kind: LoopKind, count: int, seed: int, start: str, zone: str) -> None:

@@ -182,7 +182,7 @@ def _stemwatch(*arguments: object) -> None:
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
-def screen_job(plant: Path, workers: int, executor: str = "local") -> dict[str, float]:
+def screen_job(plant: Path, workers: int) -> dict[str, float]:
     """One run of ``stemwatch screen`` on the plant: seconds, and the highest memory in MB.
 
     ``core_s`` is the processor time of all its processes to within half a second of each, which
@@ -193,7 +193,7 @@ def screen_job(plant: Path, workers: int, executor: str = "local") -> dict[str, 
         database = f"sqlite:///{Path(out) / 'results.db'}"
         command = [
             sys.executable, "-m", "stemwatch.service", "screen", "--plant", plant,
-            "--out", out, "--db", database, "--workers", workers, "--executor", executor,
+            "--out", out, "--db", database, "--workers", workers,
         ]  # fmt: skip
         started = time.perf_counter()
         process = subprocess.Popen(

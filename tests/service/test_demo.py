@@ -199,15 +199,17 @@ def test_a_start_that_is_no_time_is_refused(stemwatch, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("given", "unused"),
     [
-        (("--port", 5021), "--port"),
-        (("--wear-over-s", 60), "--wear-over-s"),
-        (("--modbus", "--start", "2026-07-01T06:00"), "--start"),
-        (("--modbus", "--zone", "Europe/Atlantis"), "--zone"),
+        (("simulate", "--port", 5021), "--port"),
+        (("simulate", "--wear-over-s", 60), "--wear-over-s"),
+        (("simulate", "--modbus", "--start", "2026-07-01T06:00"), "--start"),
+        (("simulate", "--modbus", "--zone", "Europe/Atlantis"), "--zone"),
+        (("demo", "--open"), "--open"),
+        (("demo", "--live", "--workers", 2), "--workers"),
     ],
 )
 def test_an_option_that_would_change_nothing_is_refused(stemwatch, tmp_path, given, unused) -> None:
-    """Those of the live plant beside an export, and the other way round."""
-    outcome = stemwatch("simulate", *given, "--out", tmp_path / "x")
+    """Those of the live plant where none runs, and the other way round."""
+    outcome = stemwatch(*given, "--out", tmp_path / "x")
     assert outcome.status == 2
     assert f"Invalid value for {unused}" in " ".join(outcome.said.replace("│", " ").split())
     assert not (tmp_path / "x").exists()

@@ -369,6 +369,9 @@ def test_an_executor_of_another_package_is_found_by_its_name(
     assert outcome.status == 0, outcome.said
     assert (tmp_path / "asked").read_text() == "tiny://farm"
     assert (out / "report.html").is_file()
+    outcome = stemwatch("screen", one_valve, "--executor", "tiny://farm", "--workers", 2)
+    assert outcome.status == 2
+    assert "tiny://farm has its own" in " ".join(outcome.said.replace("│", " ").split())
     with pytest.raises(UnknownExecutor, match=r"or tiny://"):
         choose_executor(None, "huge://farm")
     file = tmp_path / "plant.toml"

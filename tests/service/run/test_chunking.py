@@ -7,7 +7,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stemwatch.service.run.execute import PER_WORKER, make_chunks
+from stemwatch.service.run.batches import PER_WORKER, make_chunks
 
 
 @given(st.integers(0, 3000), st.integers(1, 64), st.integers(1, 40))

@@ -20,7 +20,7 @@ from stemwatch.service.executors import Executor, InProcess, LocalProcesses
 from stemwatch.service.executors.dask_cluster import DaskCluster
 from stemwatch.service.executors.executor import Answer
 from stemwatch.service.report import to_contract
-from stemwatch.service.run import execute
+from stemwatch.service.run import batches
 from stemwatch.service.run.engine import RunNow, screen_now
 from stemwatch.service.run.plan import Request
 from stemwatch.service.run.spill import ResultSpill
@@ -46,7 +46,7 @@ class LastFirst:
 @pytest.fixture
 def result(small_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Screens the small plant with an executor, in the fewest chunks that keep it busy."""
-    monkeypatch.setattr(execute, "PER_WORKER", 1)
+    monkeypatch.setattr(batches, "PER_WORKER", 1)
     export = small_plant.parent / "export" / "historian.csv"
 
     def screen(executor: Executor, name: str) -> tuple[list[Any], list[tuple[str, int, int]]]:
@@ -100,7 +100,7 @@ def test_a_run_trains_the_networks_of_a_batch_together_on_a_gpu_that_is_there(
         trained.append((device, len(valves)))
         return [NarxFit(valve=valve.example.valve, reason="no GPU here") for valve in valves]
 
-    assert execute.CHUNK >= training.LEAST_ON_GPU
+    assert batches.CHUNK >= training.LEAST_ON_GPU
     monkeypatch.setattr("torch.cuda.is_available", lambda: True)
     monkeypatch.setattr(training, "LEAST_ON_GPU", 2)
     monkeypatch.setattr(training, "_train_on", on_a_gpu)
@@ -116,7 +116,7 @@ def test_a_worker_killed_while_it_screens_changes_no_number(
     """A worker of the cluster that dies amid a batch costs time: every number, word, interval and
     plot of every valve is the same bit for bit as without workers, and each valve comes once."""
     alone, _ = result(InProcess(), "alone")
-    monkeypatch.setattr(execute, "CHUNK", 1)
+    monkeypatch.setattr(batches, "CHUNK", 1)
     for attempt in range(ATTEMPTS):
         screened = partial(result, DaskCluster(cluster.host_and_port), f"killed {attempt}")
         lost, (killed, answer) = cluster.kill_worker_amid("screen_tasks", screened)
@@ -131,7 +131,7 @@ def test_a_worker_killed_while_it_screens_changes_no_number(
 
 def test_the_order_of_work_does_not_show(result, monkeypatch: pytest.MonkeyPatch) -> None:
     """Results stand in the sources' order however they come in; progress counts as they come."""
-    monkeypatch.setattr(execute, "CHUNK", 1)
+    monkeypatch.setattr(batches, "CHUNK", 1)
     forward, _ = result(InProcess(), "forward")
     backward, answer = result(LastFirst(), "backward")
     assert forward == backward

@@ -15,7 +15,7 @@ from sqlalchemy import text
 from stemwatch.service import __version__
 from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.executors import Executor, InProcess, LocalProcesses
-from stemwatch.service.run import execute
+from stemwatch.service.run import batches
 from stemwatch.service.run.engine import RunNow, screen_now
 from stemwatch.service.run.plan import Request
 from stemwatch.service.run.queue_worker import QueueWorker
@@ -42,7 +42,7 @@ class Kept:
 @pytest.fixture
 def kept(small_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Kept]:
     """Runs a schedule with one line in ``[service]``, in a folder of its own."""
-    monkeypatch.setattr(execute, "PER_WORKER", 1)
+    monkeypatch.setattr(batches, "PER_WORKER", 1)
 
     def work(service: str, ask: Ask) -> Kept:
         folder = tmp_path / str(len(list(tmp_path.iterdir())))

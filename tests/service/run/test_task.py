@@ -16,7 +16,7 @@ from stemwatch.models.screening.screen import Case
 from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve
 from stemwatch.models.verdict import Verdict
 from stemwatch.models.without_position.suspicion import Suspicion
-from stemwatch.service.run.execute import SPLIT_UP_TO_BYTES, make_batches
+from stemwatch.service.run.batches import SPLIT_UP_TO_BYTES, make_batches
 from stemwatch.service.run.task import (
     InStore,
     StoredBaseline,
