@@ -24,6 +24,9 @@ USUAL_SWINGS, MOST_SWINGS = 8.0, 16.0
 # S over the amplitude of OP: a stem that sticks by less moves OP as a sound one may
 LEAST_SHARE = 0.15
 WIDEST_PERCENT = 8.0  # amplitude of OP from which it no longer counts by itself
+# What a user is told: of loops by another hand than those that give the limit, fewer than nine of
+# ten score above it (tests/benchmarks/bench_other_loops.py).
+MOSTLY = "in four cases of five"
 _LEAST_ODDS = 1e-6
 
 

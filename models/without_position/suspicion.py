@@ -27,7 +27,7 @@ from stemwatch.models.without_position.features import (
 )
 from stemwatch.models.without_position.hammerstein import block_means
 from stemwatch.models.without_position.network import LoopNetwork, LoopScore, unpacked
-from stemwatch.models.without_position.no_sign import WIDEST_PERCENT, NoSignLimit
+from stemwatch.models.without_position.no_sign import MOSTLY, WIDEST_PERCENT, NoSignLimit
 from stemwatch.models.without_position.picture import ElementTraces, element_traces
 from stemwatch.models.without_position.weighed_size import weighed_log_S
 from stemwatch.models.without_position.windows import windows
@@ -76,7 +76,7 @@ class WithoutPosition:
 
     ``score`` (0 to 1) is that of ``sticking_score``; ``likeness`` that of the networks alone,
     whatever S; ``apparent_S`` in percent of OP; ``shows_from`` the S from which sticking would have
-    been detected in nine cases of ten; ``rivals`` other causes that the data cannot exclude.
+    been detected in four cases of five; ``rivals`` other causes that the data cannot exclude.
     Where earlier ``recordings`` of the loop count too (``several_recordings.of_loop``), ``score``
     is that of all together, and ``alone`` is what this recording says by itself.
     """
@@ -434,8 +434,8 @@ def _without_sign(
         verdict=Suspicion.NO_SIGN,
         reason=(
             "OP and PV show no sign of sticking; a valve that sticks by "
-            f"{shows:.1f}{said_unit} of OP or more would have shown in nine cases of ten. By "
-            "itself this is no verdict."
+            f"{shows:.1f}{said_unit} of OP or more would have shown {MOSTLY}. By itself "
+            "this is no verdict."
         ),
         advice=NOTHING_TO_DO if _is_small(shows, unit) else _TEST,
         score=score,

@@ -11,6 +11,7 @@ from typing import Protocol
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import NoVerdict, Verdict
+from stemwatch.models.without_position.no_sign import MOSTLY
 from stemwatch.models.without_position.several_recordings import (
     not_borne_out,
     suspected_together,
@@ -231,8 +232,8 @@ def _why(answer: WithoutPosition) -> str:
     shows = finite(answer.shows_from)
     if answer.verdict is Suspicion.NO_SIGN and shows is not None:
         return (
-            f"a valve that sticks by {figure(shows, 2)}{unit} of OP or more would have shown in "
-            "nine cases of ten."
+            f"a valve that sticks by {figure(shows, 2)}{unit} of OP or more would have shown "
+            f"{MOSTLY}."
         )
     return ""
 

@@ -106,7 +106,7 @@ def test_a_suspicion_stands_in_the_page_with_its_rivals(make_screening, make_con
     assert beside.index(title) > beside.index("Ranking, the most urgent first")
     looks_so = "it looks as if the valve sticks by 2.5 % of OP."
     assert f"1 sticking suspected {looks_so} Do a bump test. FV-1" in text
-    shows = "a valve that sticks by 1.5 % of OP or more would have shown in nine cases of ten."
+    shows = "a valve that sticks by 1.5 % of OP or more would have shown in four cases of five."
     nothing = "Nothing to do at the valve on these grounds."
     assert f"1 no sign of sticking {shows} {nothing} FV-2" in text
 
@@ -279,7 +279,7 @@ def test_a_loop_that_another_moves_is_first_looked_for_there(make_screening, mak
         (MOVED, ("TIC-2",)),
         ("the signs are too weak.", ("PIC-9",)),
         (
-            "a valve that sticks by 1.5 % of OP or more would have shown in nine cases of ten.",
+            "a valve that sticks by 1.5 % of OP or more would have shown in four cases of five.",
             ("<b>LIC",),
         ),
     ]

@@ -59,7 +59,7 @@ NOTE = (
 CROSS_CHECK = WithoutPosition(
     verdict=Suspicion.NO_SIGN,
     reason="OP and PV show no sign of sticking; a valve that sticks by 1.5 % of OP or more would "
-    "have shown in nine cases of ten.",
+    "have shown in four cases of five.",
     advice="",
     score=0.02,
     apparent_S=Estimate.unknown("nothing is suspected", unit="%"),
