@@ -10,6 +10,9 @@ What looks like dwell is mostly a search without it that has ended at too low a 
 stem holds more than that after most rests, the long ones first. Where the stem comes to rest tells
 the sliding level, ``(S - J)/2``, and a search hardly leaves it. So either of the two is begun from
 many breakaway levels at the sliding level that was found, and again from where the other ended.
+
+Nor does the record show dwell where it is explained as well by a packing that lets go the sooner
+the quicker it is loaded (``quick_loading``), whoever has proposed the dwell.
 """
 
 from __future__ import annotations
@@ -42,18 +45,18 @@ from stemwatch.models.mismatch.search.named_at_likeliest import named_with
 from stemwatch.models.mismatch.search.named_terms import Named
 from stemwatch.models.mismatch.search.needed_terms import lacking
 from stemwatch.models.mismatch.search.other_coordinates import carried_over
+from stemwatch.models.mismatch.search.quick_loading import QUICK_LOADING
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Floats
 
-# Least gain and t of dwell alone: `python -m tests.benchmarks.bench_dwell` counts what valves with
-# nothing hidden reach.
+# Least gain and t of dwell alone, and least gain beside what quick loading does:
+# `python -m tests.benchmarks.bench_dwell` counts what valves with nothing hidden reach.
 LEAST_GAIN, LEAST_T = 8.0, 2.0
 # Standard errors of the breakaways, where they tell of dwell: below the first they contradict it,
 # whatever shows it. A gain that would name no other term must be borne out by the second: of the
 # valves with such a gain that pass all else those with nothing hidden reach 2.4 (`draw_nulls`,
 # 4022, 4064, 4071), those that hide dwell 3.0 and more (4090, 2119, 2124).
 CONTRADICTED_Z, BORNE_OUT_Z = 0.5, 2.7
-LEAST_OF_NAMED = 4.5  # gain by a dwell that trajectories or breakaways have named: a score of 3
 # Breakaway levels without and with dwell, times the one that was found.
 LEVELS, LEVELS_WITH = (0.8, 0.9, 1.0, 1.1, 1.2, 1.35, 1.5, 1.75), (0.9, 1.0, 1.1, 1.3)
 # Speeds below which a stem sticks again, %/s, beside the one that was found: each has its levels.
@@ -61,6 +64,9 @@ RESTICKS, RESTICKS_WITH = (0.0, 0.03, 0.06, 0.1, 0.16), (0.03, 0.1)
 # Dwell, percent per e-fold of rest, and how many e-folds the usual rest may be.
 SIZES, USUAL = (0.1, 0.2, 0.35, 0.6), (0.0, 0.7, 1.4, 2.1, 2.8)
 LEAST_J = 0.02  # percent
+# Breakaway levels, times the one that was found, and by what share of them a stem lets go sooner at
+# 1 %/s.
+LEVELS_LOADED, SHARES_LOADED = (0.9, 1.0, 1.15, 1.35, 1.6, 2.0), (0.0, 0.05, 0.15, 0.4, 1.0)
 LOOKS, CLIMBED, FEW_ROUNDS = 8, 3, 2  # points that are looked at, and searched on
 EXCHANGES, WORTH_ANOTHER = 3, 0.3
 
@@ -76,7 +82,7 @@ def dwell_by_likelihood(named: Named, terms: Sequence[Term]) -> Named:
         return named
     likelihood = RecordLikelihood(evaluator)
     one = compared_with_dwell(likelihood, fitted, term)
-    if not shows_dwell(one, evaluator, fitted):
+    if not shows_dwell(likelihood, one, fitted):
         return named
     return named_with(likelihood, named, [one], _by_own_limits(one))
 
@@ -91,10 +97,17 @@ def without_unlikely_dwell(named: Named) -> Named:
     if not scatter_matters(evaluator, without):
         return named
     if _breakaways_allow(evaluator, without):
-        one = compared_with_dwell(RecordLikelihood(evaluator), without, needed.term)
-        if one.evidence.gain >= LEAST_OF_NAMED:
+        likelihood = RecordLikelihood(evaluator)
+        one = compared_with_dwell(likelihood, without, needed.term)
+        borne_out = _breakaways_allow(evaluator, without, one.evidence.gain)
+        if borne_out and _beside_quick_loading(likelihood, one):
             return named
     return lacking(named, {DWELL})
+
+
+def _beside_quick_loading(likelihood: RecordLikelihood, one: Compared) -> bool:
+    """Whether the record still shows dwell where quick loading may let the stem go sooner."""
+    return with_quick_loading(likelihood, one).evidence.gain >= LEAST_GAIN
 
 
 def _by_own_limits(one: Compared) -> LikelihoodEvidence:
@@ -103,16 +116,17 @@ def _by_own_limits(one: Compared) -> LikelihoodEvidence:
     return LikelihoodEvidence(gain, t, min(gain / LEAST_GAIN, t / LEAST_T))
 
 
-def shows_dwell(one: Compared, evaluator: Evaluator, fitted: Fitted) -> bool:
+def shows_dwell(likelihood: RecordLikelihood, one: Compared, fitted: Fitted) -> bool:
     """Whether the record is more likely with dwell than records with nothing hidden are, the size
-    matters, nothing else is left beside it, and the breakaways beside what is ``fitted`` allow
-    it."""
-    size = one.rich.candidate[one.rich.layout.places[DWELL]]
+    matters, nothing else is left beside it, the breakaways beside what is ``fitted`` allow it, and
+    quick loading does not explain it."""
+    evaluator, size = likelihood.evaluator, one.rich.candidate[one.rich.layout.places[DWELL]]
     return (
         _by_own_limits(one).strength >= 1.0
         and one.term.material(size, evaluator.summary)
         and not leaves_something(one.rich, evaluator)
         and _breakaways_allow(evaluator, fitted, one.evidence.gain)
+        and _beside_quick_loading(likelihood, one)
     )
 
 
@@ -134,6 +148,24 @@ def compared_with_dwell(likelihood: RecordLikelihood, simple: Fitted, term: Term
     alone = _searched(likelihood, alone.layout, starts, alone)
     layout = evaluator.layout(simple.layout.hypothesis.plus(term))
     rich = _searched(likelihood, layout, _with(alone, layout, _scales(alone, first)))
+    return _exchanged(likelihood, term, alone, rich)
+
+
+def with_quick_loading(likelihood: RecordLikelihood, one: Compared) -> Compared:
+    """The record without and with dwell where the stem may let go the sooner the quicker it is
+    loaded."""
+    first, begun = likelihood.first_of_record, list[Likeliest]()
+    for at in (one.simple, one.rich):
+        layout = likelihood.evaluator.layout(at.layout.hypothesis.plus(QUICK_LOADING))
+        begun.append(_searched(likelihood, layout, _loaded(at, layout, (at.of_record, first))))
+    return _exchanged(likelihood, one.term, *begun)
+
+
+def _exchanged(
+    likelihood: RecordLikelihood, term: Term, alone: Likeliest, rich: Likeliest
+) -> Compared:
+    """Without and with dwell, each begun from where the other has ended, until neither gains."""
+    layout, first = rich.layout, likelihood.first_of_record
     for exchange in range(EXCHANGES):
         before = alone.total
         less = carried_over(on_both(layout, rich.candidate), alone.layout)[0]
@@ -187,6 +219,19 @@ def _without(row: Floats, scales: Sequence[Floats]) -> Iterator[Floats]:
             other[RESTICK] = restick
             for of_record in scales:
                 yield np.append(other, of_record)
+
+
+def _loaded(at: Likeliest, layout: CoordinateLayout, scales: Sequence[Floats]) -> Iterator[Floats]:
+    """Points (size + 2,) about ``at`` of a stem that a quick command lets go below its level, which
+    may be higher for it."""
+    place = layout.places[QUICK_LOADING.slug].start
+    none = carried_over(on_both(at.layout, at.candidate), layout)[0]
+    for row in _at_levels(none, LEVELS_LOADED):
+        breakaway = 0.5 * sum(S_and_J(row))
+        for share, of_record in product(SHARES_LOADED, scales):
+            other = row.copy()
+            other[place] = share * breakaway
+            yield np.append(other, of_record)
 
 
 def _with(alone: Likeliest, layout: CoordinateLayout, scales: Sequence[Floats]) -> Iterator[Floats]:
