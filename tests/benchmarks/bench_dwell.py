@@ -21,6 +21,7 @@ from stemwatch.models.mismatch.prepared_recording import prepare, problem_of
 from stemwatch.models.mismatch.search.breakaway_levels import DWELL, breakaway_evidence
 from stemwatch.models.mismatch.search.breakaway_scatter import scatter_matters
 from stemwatch.models.mismatch.search.dwell_by_likelihood import (
+    CONTRADICTED_Z,
     compared_with_dwell,
     shows_dwell,
     with_quick_loading,
@@ -53,7 +54,8 @@ def asked(case: HiddenCase, recording: Recording) -> tuple[bool, str] | None:
     size = float(one.rich.candidate[one.rich.layout.places[DWELL]][0])
     before, after = S_and_J(one.simple.candidate), S_and_J(one.rich.candidate)
     valve = case.loop.valve
-    return shows_dwell(likelihood, one, fitted), (
+    contradicted = z is not None and z < CONTRADICTED_Z
+    return shows_dwell(likelihood, one) and not contradicted, (
         f"gain {one.evidence.gain:.1f}, beside quick loading {beside.evidence.gain:.1f}, "
         f"t {one.evidence.t:.1f}, b {size:.2f}, breakaways "
         f"{'-' if z is None else format(z, '.1f')}; S, J {before[0]:.2f}, {before[1]:.2f} -> "

@@ -26,7 +26,6 @@ import numpy as np
 from stemwatch.models.mismatch.fit.base_coordinate import RATIO, RESTICK, S_PERCENT, S_and_J
 from stemwatch.models.mismatch.fit.crossfit import Fitted, on_both
 from stemwatch.models.mismatch.fit.evaluator import CoordinateLayout, Evaluator
-from stemwatch.models.mismatch.likelihood.likelihood_evidence import LEAST_GAIN as OF_ANY_TERM
 from stemwatch.models.mismatch.likelihood.likelihood_evidence import LikelihoodEvidence
 from stemwatch.models.mismatch.likelihood.maximum_likelihood import (
     FEW_COURSES,
@@ -52,11 +51,9 @@ from stemwatch.models.recording import Floats
 # Least gain and t of dwell alone, and least gain beside what quick loading does:
 # `python -m tests.benchmarks.bench_dwell` counts what valves with nothing hidden reach.
 LEAST_GAIN, LEAST_T = 8.0, 2.0
-# Standard errors of the breakaways, where they tell of dwell: below the first they contradict it,
-# whatever shows it. A gain that would name no other term must be borne out by the second: of the
-# valves with such a gain that pass all else those with nothing hidden reach 2.4 (`draw_nulls`,
-# 4022, 4064, 4071), those that hide dwell 3.0 and more (4090, 2119, 2124).
-CONTRADICTED_Z, BORNE_OUT_Z = 0.5, 2.7
+# Standard errors of the breakaways, where they tell of dwell, below which they contradict it,
+# whatever shows it.
+CONTRADICTED_Z = 0.5
 # Breakaway levels without and with dwell, times the one that was found.
 LEVELS, LEVELS_WITH = (0.8, 0.9, 1.0, 1.1, 1.2, 1.35, 1.5, 1.75), (0.9, 1.0, 1.1, 1.3)
 # Speeds below which a stem sticks again, %/s, beside the one that was found: each has its levels.
@@ -78,36 +75,29 @@ def dwell_by_likelihood(named: Named, terms: Sequence[Term]) -> Named:
     if term is None or named.needed or named.sticks_again is not None:
         return named
     evaluator, fitted = named.evaluator, named.fitted
-    if not scatter_matters(evaluator, fitted) or not _breakaways_allow(evaluator, fitted):
+    if not scatter_matters(evaluator, fitted) or _contradicted(evaluator, fitted):
         return named
     likelihood = RecordLikelihood(evaluator)
     one = compared_with_dwell(likelihood, fitted, term)
-    if not shows_dwell(likelihood, one, fitted):
+    if not shows_dwell(likelihood, one):
         return named
     return named_with(likelihood, named, [one], _by_own_limits(one))
 
 
 def without_unlikely_dwell(named: Named) -> Named:
-    """``named`` without a dwell that trajectories have shown, and breakaways or the likelihood
-    contradict; else as it was."""
+    """``named`` without a dwell that trajectories or breakaways have shown, and the breakaways or
+    the likelihood contradict; else as it was."""
     needed = next((one for one in named.needed if one.term.slug == DWELL), None)
     if needed is None or needed.likelihood is not None:
         return named
     evaluator, without = named.evaluator, needed.without
     if not scatter_matters(evaluator, without):
         return named
-    if _breakaways_allow(evaluator, without):
+    if not _contradicted(evaluator, without):
         likelihood = RecordLikelihood(evaluator)
-        one = compared_with_dwell(likelihood, without, needed.term)
-        borne_out = _breakaways_allow(evaluator, without, one.evidence.gain)
-        if borne_out and _beside_quick_loading(likelihood, one):
+        if _stands(likelihood, compared_with_dwell(likelihood, without, needed.term)):
             return named
     return lacking(named, {DWELL})
-
-
-def _beside_quick_loading(likelihood: RecordLikelihood, one: Compared) -> bool:
-    """Whether the record still shows dwell where quick loading may let the stem go sooner."""
-    return with_quick_loading(likelihood, one).evidence.gain >= LEAST_GAIN
 
 
 def _by_own_limits(one: Compared) -> LikelihoodEvidence:
@@ -116,25 +106,29 @@ def _by_own_limits(one: Compared) -> LikelihoodEvidence:
     return LikelihoodEvidence(gain, t, min(gain / LEAST_GAIN, t / LEAST_T))
 
 
-def shows_dwell(likelihood: RecordLikelihood, one: Compared, fitted: Fitted) -> bool:
+def shows_dwell(likelihood: RecordLikelihood, one: Compared) -> bool:
     """Whether the record is more likely with dwell than records with nothing hidden are, the size
-    matters, nothing else is left beside it, the breakaways beside what is ``fitted`` allow it, and
-    quick loading does not explain it."""
-    evaluator, size = likelihood.evaluator, one.rich.candidate[one.rich.layout.places[DWELL]]
+    matters, and it stands against what only looks like it."""
+    size = one.rich.candidate[one.rich.layout.places[DWELL]]
     return (
         _by_own_limits(one).strength >= 1.0
-        and one.term.material(size, evaluator.summary)
-        and not leaves_something(one.rich, evaluator)
-        and _breakaways_allow(evaluator, fitted, one.evidence.gain)
-        and _beside_quick_loading(likelihood, one)
+        and one.term.material(size, likelihood.evaluator.summary)
+        and _stands(likelihood, one)
     )
 
 
-def _breakaways_allow(evaluator: Evaluator, fitted: Fitted, gain: float = np.inf) -> bool:
-    """Whether the breakaways do not tell of dwell, or show enough of it beside such a ``gain``."""
-    least_z = CONTRADICTED_Z if gain >= OF_ANY_TERM else BORNE_OUT_Z
-    seen_of = {seen.slug: seen for seen in breakaway_evidence(evaluator, fitted)}
-    return DWELL not in seen_of or seen_of[DWELL].z >= least_z
+def _stands(likelihood: RecordLikelihood, one: Compared) -> bool:
+    """Whether nothing else is left beside dwell, and the record still shows it where quick loading
+    may let the stem go sooner."""
+    if leaves_something(one.rich, likelihood.evaluator):
+        return False
+    return with_quick_loading(likelihood, one).evidence.gain >= LEAST_GAIN
+
+
+def _contradicted(evaluator: Evaluator, fitted: Fitted) -> bool:
+    """Whether the breakaways beside what is ``fitted`` tell of dwell, and show none."""
+    scores = (seen.z for seen in breakaway_evidence(evaluator, fitted) if seen.slug == DWELL)
+    return next(scores, CONTRADICTED_Z) < CONTRADICTED_Z
 
 
 def compared_with_dwell(likelihood: RecordLikelihood, simple: Fitted, term: Term) -> Compared:

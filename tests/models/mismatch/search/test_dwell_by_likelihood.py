@@ -35,7 +35,7 @@ def compared(recording, S, J):
     fitted = conclude(evaluator, scored(layout, np.vstack((row, row))))
     likelihood = RecordLikelihood(evaluator)
     one = compared_with_dwell(likelihood, fitted, catalogue()[DWELL])
-    return one, shows_dwell(likelihood, one, fitted)
+    return one, shows_dwell(likelihood, one)
 
 
 def test_dwell_in_noise_gives_back_s_and_j():
