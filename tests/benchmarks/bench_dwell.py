@@ -4,9 +4,9 @@
 
 Valves with nothing hidden (``draw_nulls``), or with ``--hidden`` those of ``draw_hidden`` that hide
 dwell alone and whose record shows it. Each is compared without and with dwell, beside S and J as
-they are fitted to it. One line for each: the gain of the log likelihood, its t over the blocks of
-time, the size, the score of the breakaways where they tell of dwell, and S and J without and with
-it beside the true ones; then how many pass.
+they are fitted to it. One line for each: the gain of the log likelihood, that beside what quick
+loading does, its t over the blocks of time, the size, the score of the breakaways where they tell
+of dwell, and S and J without and with it beside the true ones; then how many pass.
 """
 
 from __future__ import annotations
@@ -20,7 +20,12 @@ from stemwatch.models.mismatch.measurement.record_effects import measured_record
 from stemwatch.models.mismatch.prepared_recording import prepare, problem_of
 from stemwatch.models.mismatch.search.breakaway_levels import DWELL, breakaway_evidence
 from stemwatch.models.mismatch.search.breakaway_scatter import scatter_matters
-from stemwatch.models.mismatch.search.dwell_by_likelihood import compared_with_dwell, shows_dwell
+from stemwatch.models.mismatch.search.dwell_by_likelihood import (
+    CONTRADICTED_Z,
+    compared_with_dwell,
+    shows_dwell,
+    with_quick_loading,
+)
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.preparation.own_clock import on_own_clock
 from stemwatch.models.recording import Recording
@@ -41,14 +46,18 @@ def asked(case: HiddenCase, recording: Recording) -> tuple[bool, str] | None:
     evaluator, fitted = prepared.base.evaluator, prepared.base.fitted
     if DWELL in prepared.refused or not scatter_matters(evaluator, fitted):
         return None
-    one = compared_with_dwell(RecordLikelihood(evaluator), fitted, catalogue()[DWELL])
+    likelihood = RecordLikelihood(evaluator)
+    one = compared_with_dwell(likelihood, fitted, catalogue()[DWELL])
+    beside = with_quick_loading(likelihood, one)
     scores = (seen.z for seen in breakaway_evidence(evaluator, fitted) if seen.slug == DWELL)
     z = next(scores, None)
     size = float(one.rich.candidate[one.rich.layout.places[DWELL]][0])
     before, after = S_and_J(one.simple.candidate), S_and_J(one.rich.candidate)
     valve = case.loop.valve
-    return shows_dwell(one, evaluator, fitted), (
-        f"gain {one.evidence.gain:.1f}, t {one.evidence.t:.1f}, b {size:.2f}, breakaways "
+    contradicted = z is not None and z < CONTRADICTED_Z
+    return shows_dwell(likelihood, one) and not contradicted, (
+        f"gain {one.evidence.gain:.1f}, beside quick loading {beside.evidence.gain:.1f}, "
+        f"t {one.evidence.t:.1f}, b {size:.2f}, breakaways "
         f"{'-' if z is None else format(z, '.1f')}; S, J {before[0]:.2f}, {before[1]:.2f} -> "
         f"{after[0]:.2f}, {after[1]:.2f}; true {valve.S_read:.2f}, {valve.J_read:.2f}"
     )

@@ -10,9 +10,11 @@ Of each rest the level is ``f_s (1 + s e)``, with ``e`` of Student's distributio
 freedom. Where the largest share of ``f_s`` that the force has asked for grows from ``r0`` to ``r``,
 the stem holds with the probability ``Q((r - 1)/s) / Q((r0 - 1)/s)``, ``Q(z) = P(e > z)``. A moving
 stem whose gap (``stem``) is ``g`` sticks with the probability ``1/(1 + (g/g0)^4)``, ``g0`` the gap
-at which the model's sticks. A reading lies about that of the course by the same distribution, of
-scale ``sigma`` (Lange, Little and Taylor, 1989, doi:10.1080/01621459.1989.10478852); one in coarse
-steps has the probability of its step.
+at which the model's sticks. Where a stem lets go the sooner the quicker it is loaded, ``f_s`` is
+lower by ``min(d r^(2/3), J)``, with the speed ``r`` of the force in percent/s (``breakaway_levels``
+has the reason). A reading lies about that of the course by the same distribution, of scale
+``sigma`` (Lange, Little and Taylor, 1989, doi:10.1080/01621459.1989.10478852); one in coarse steps
+has the probability of its step.
 
 Courses that have become alike are joined, and the most probable are kept, as in the filter of
 sums of Alspach and Sorenson (1972, doi:10.1109/TAC.1972.1100034).
@@ -32,6 +34,7 @@ from stemwatch.models.mismatch.stem_model.stem import Tables
 from stemwatch.models.recording import Floats
 
 GIVEN_UP = -1e6  # of a block that was not followed
+RATE_POWER = 2.0 / 3.0  # of the speed of the force, percent/s
 _ALIKE_PLACE, _ALIKE_FORCE = 0.3, 0.25  # of sigma and of the scatter: courses that are one
 _LEAST_DENSITY = 1e-200
 _SMALL, _LARGE = 1e-90, 1e90  # products beyond these are replaced by their logarithms
@@ -42,6 +45,7 @@ _VARYING = (
     stem_number.BY_TIME,
     stem_number.GROWTH,
     stem_number.DRIFT,
+    stem_number.SOONER,
 )
 
 
@@ -218,7 +222,7 @@ def _is_steady(numbers: Floats) -> bool:
 def _changes_at_rest(q: Floats) -> bool:
     """Whether something of a stem changes while it rests, other than its reading: its levels, its
     place, or what a spring's inner friction holds back."""
-    changing = abs(q[stem_number.GROWTH]) + abs(q[stem_number.CREEP])
+    changing = abs(q[stem_number.GROWTH]) + abs(q[stem_number.CREEP]) + q[stem_number.SOONER]
     return bool(changing + q[stem_number.BY_REST] + abs(q[stem_number.HYSTERESIS]) > 0.0)
 
 
@@ -281,7 +285,10 @@ def _followed(
             course.look_up_slides(s, (now, end), q, pushing, dt)
             offset, grown = _offset_and_growth(q, wander, k, mv.size)
         new = both - now
-        course.weigh_chances(s, (now, end), q, (force[k], grown, scatter))
+        sooner = 0.0
+        if q[stem_number.SOONER] != 0.0:
+            sooner = q[stem_number.SOONER] * (abs(force[k] - force[k - 1]) / dt) ** RATE_POWER
+        course.weigh_chances(s, (now, end), q, (force[k], grown, scatter, sooner))
         m = course.branch(s, (now, end), new, q, force[k], rests[0])
         _weigh(s, (new, m), q, (mv[k] - offset, slack[k], step, per_sigma), spring)
         now, (end, joined) = new, course.keep(s, (new, m), alike[0], alike[1], most)
@@ -318,7 +325,7 @@ def log_likelihood(
 ) -> None:
     """Write the logarithm of the likelihood of each block (n_blocks,) to ``by_block``.
 
-    ``force`` (n,) is the command that reaches the stem, percent; ``numbers`` (20,) and ``tables``
+    ``force`` (n,) is the command that reaches the stem, percent; ``numbers`` (21,) and ``tables``
     (of one stem) as in ``stem``, without inertia. The stem is set to its reading where ``record``
     is marked as a start. ``block`` and ``slack`` (n,) as in ``kernel.Scoring``; ``step`` is that of
     coarse readings, else 0, ``sigma`` the scale of the readings, both percent, and ``scatter`` that
@@ -384,7 +391,7 @@ def log_likelihoods(
 ) -> float:
     """``log_likelihood`` of several stems, one after the other, into ``by_block`` (m, n_blocks).
 
-    ``rows`` (m,) are those of ``forces`` (r, n); ``numbers`` (m, 20) and ``tables`` are of the
+    ``rows`` (m,) are those of ``forces`` (r, n); ``numbers`` (m, 21) and ``tables`` are of the
     stems, ``scales`` (m, 2) of the readings and of the levels. A run that falls ``behind`` the
     ``best`` so far, of which ``least`` (n_blocks,) says what that leaves at the end of each block,
     is given up; both are kept for more stems, and the best is returned. No run is given up where

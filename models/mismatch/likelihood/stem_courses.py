@@ -207,14 +207,16 @@ def weigh_chances(
     s: Floats,
     span: tuple[int, int],
     q: Floats,
-    moved: tuple[float, float, float],
+    moved: tuple[float, float, float, float],
 ) -> None:
     """Write how probably the courses of a ``span`` go on and let go in a sample, and where to.
 
-    ``moved``: the command, how far friction has grown, and the scatter. Courses side by side, for
-    the vectors of the processor; what is beyond the span in the last vector means nothing.
+    ``moved``: the command, how far friction has grown, the scatter, and how far below its level a
+    stem lets go at the speed of the command, percent, but no lower than the kinetic one. Courses
+    side by side, for the vectors of the processor; what is beyond the span in the last vector means
+    nothing.
     """
-    command, grown, scatter = moved
+    command, grown, scatter, sooner = moved
     usual, jump = 0.5 * q[stem_number.S] * grown, 0.5 * q[stem_number.J] * grown
     jump_up = jump * (1.0 + q[stem_number.ASYMMETRY])
     jump_down = jump * (1.0 - q[stem_number.ASYMMETRY])
@@ -230,7 +232,8 @@ def weigh_chances(
         rises = f >= 0.0
         side, jumps = 1.0 if rises else -1.0, jump_up if rises else jump_down
         before, held = up if rises else down, held_up if rises else s[HELD_DOWN + i]
-        highest = max(level + jumps + s[RISE + i], _LEAST_LEVEL)
+        highest = level + jumps - min(sooner, 2.0 * jumps) + s[RISE + i]
+        highest = max(highest, _LEAST_LEVEL)
         asked = side * f / highest
         holds = above((asked - 1.0) * per_scatter)
         farther = asked > max(before, surely)

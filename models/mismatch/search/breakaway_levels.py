@@ -41,6 +41,7 @@ from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import CAREFUL, Fitted, refit, scored
 from stemwatch.models.mismatch.fit.evaluator import Evaluator
+from stemwatch.models.mismatch.likelihood.breakaway_filter import RATE_POWER
 from stemwatch.models.mismatch.stem_model import stem as stem_number
 from stemwatch.models.mismatch.terms.dwell_dependent_breakaway import T0_S
 from stemwatch.models.recording import Floats
@@ -69,10 +70,10 @@ MOST_SIZE = {DWELL: 1.0, PLAY: 6.0}
 # raises the breakaway only, and so both; play is a part of S, or has been taken away from J.
 LESS = {DWELL: ((1.0, 1.0),), PLAY: ((0.0, -1.0), (0.5, -0.5), (1.0, 0.0))}
 SEEN_JUMP, ABOVE_NOISE = 0.4, 4.0  # shares of J, standard deviations: a slip that is seen as one
-# Of the command's speed in percent/s. ``d`` in shares of the level: where its search begins, and
-# its limit either way. A search that begins without any may end there although more of it explains
-# the breakaways better, which is then taken for dwell.
-RATE_POWER, RATE_STARTS, MOST_BY_RATE = 2.0 / 3.0, (0.0, 0.4), 3.0
+# ``d`` in shares of the level: where its search begins, and its limit either way. A search that
+# begins without any may end there although more of it explains the breakaways better, which is then
+# taken for dwell.
+RATE_STARTS, MOST_BY_RATE = (0.0, 0.4), 3.0
 ODD = 0.04  # share of the breakaways that something else caused
 ODD_WIDTH, ODD_LEAST = 0.4, 1e-3
 LONGEST_MEAN = 40  # samples over which a resting position is averaged

@@ -10,6 +10,9 @@ What looks like dwell is mostly a search without it that has ended at too low a 
 stem holds more than that after most rests, the long ones first. Where the stem comes to rest tells
 the sliding level, ``(S - J)/2``, and a search hardly leaves it. So either of the two is begun from
 many breakaway levels at the sliding level that was found, and again from where the other ended.
+
+Nor does the record show dwell where it is explained as well by a packing that lets go the sooner
+the quicker it is loaded (``quick_loading``), whoever has proposed the dwell.
 """
 
 from __future__ import annotations
@@ -23,7 +26,6 @@ import numpy as np
 from stemwatch.models.mismatch.fit.base_coordinate import RATIO, RESTICK, S_PERCENT, S_and_J
 from stemwatch.models.mismatch.fit.crossfit import Fitted, on_both
 from stemwatch.models.mismatch.fit.evaluator import CoordinateLayout, Evaluator
-from stemwatch.models.mismatch.likelihood.likelihood_evidence import LEAST_GAIN as OF_ANY_TERM
 from stemwatch.models.mismatch.likelihood.likelihood_evidence import LikelihoodEvidence
 from stemwatch.models.mismatch.likelihood.maximum_likelihood import (
     FEW_COURSES,
@@ -42,18 +44,16 @@ from stemwatch.models.mismatch.search.named_at_likeliest import named_with
 from stemwatch.models.mismatch.search.named_terms import Named
 from stemwatch.models.mismatch.search.needed_terms import lacking
 from stemwatch.models.mismatch.search.other_coordinates import carried_over
+from stemwatch.models.mismatch.search.quick_loading import QUICK_LOADING
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Floats
 
-# Least gain and t of dwell alone: `python -m tests.benchmarks.bench_dwell` counts what valves with
-# nothing hidden reach.
+# Least gain and t of dwell alone, and least gain beside what quick loading does:
+# `python -m tests.benchmarks.bench_dwell` counts what valves with nothing hidden reach.
 LEAST_GAIN, LEAST_T = 8.0, 2.0
-# Standard errors of the breakaways, where they tell of dwell: below the first they contradict it,
-# whatever shows it. A gain that would name no other term must be borne out by the second: of the
-# valves with such a gain that pass all else those with nothing hidden reach 2.4 (`draw_nulls`,
-# 4022, 4064, 4071), those that hide dwell 3.0 and more (4090, 2119, 2124).
-CONTRADICTED_Z, BORNE_OUT_Z = 0.5, 2.7
-LEAST_OF_NAMED = 4.5  # gain by a dwell that trajectories or breakaways have named: a score of 3
+# Standard errors of the breakaways, where they tell of dwell, below which they contradict it,
+# whatever shows it.
+CONTRADICTED_Z = 0.5
 # Breakaway levels without and with dwell, times the one that was found.
 LEVELS, LEVELS_WITH = (0.8, 0.9, 1.0, 1.1, 1.2, 1.35, 1.5, 1.75), (0.9, 1.0, 1.1, 1.3)
 # Speeds below which a stem sticks again, %/s, beside the one that was found: each has its levels.
@@ -61,6 +61,9 @@ RESTICKS, RESTICKS_WITH = (0.0, 0.03, 0.06, 0.1, 0.16), (0.03, 0.1)
 # Dwell, percent per e-fold of rest, and how many e-folds the usual rest may be.
 SIZES, USUAL = (0.1, 0.2, 0.35, 0.6), (0.0, 0.7, 1.4, 2.1, 2.8)
 LEAST_J = 0.02  # percent
+# Breakaway levels, times the one that was found, and by what share of them a stem lets go sooner at
+# 1 %/s.
+LEVELS_LOADED, SHARES_LOADED = (0.9, 1.0, 1.15, 1.35, 1.6, 2.0), (0.0, 0.05, 0.15, 0.4, 1.0)
 LOOKS, CLIMBED, FEW_ROUNDS = 8, 3, 2  # points that are looked at, and searched on
 EXCHANGES, WORTH_ANOTHER = 3, 0.3
 
@@ -72,27 +75,27 @@ def dwell_by_likelihood(named: Named, terms: Sequence[Term]) -> Named:
     if term is None or named.needed or named.sticks_again is not None:
         return named
     evaluator, fitted = named.evaluator, named.fitted
-    if not scatter_matters(evaluator, fitted) or not _breakaways_allow(evaluator, fitted):
+    if not scatter_matters(evaluator, fitted) or _contradicted(evaluator, fitted):
         return named
     likelihood = RecordLikelihood(evaluator)
     one = compared_with_dwell(likelihood, fitted, term)
-    if not shows_dwell(one, evaluator, fitted):
+    if not shows_dwell(likelihood, one):
         return named
     return named_with(likelihood, named, [one], _by_own_limits(one))
 
 
 def without_unlikely_dwell(named: Named) -> Named:
-    """``named`` without a dwell that trajectories have shown, and breakaways or the likelihood
-    contradict; else as it was."""
+    """``named`` without a dwell that trajectories or breakaways have shown, and the breakaways or
+    the likelihood contradict; else as it was."""
     needed = next((one for one in named.needed if one.term.slug == DWELL), None)
     if needed is None or needed.likelihood is not None:
         return named
     evaluator, without = named.evaluator, needed.without
     if not scatter_matters(evaluator, without):
         return named
-    if _breakaways_allow(evaluator, without):
-        one = compared_with_dwell(RecordLikelihood(evaluator), without, needed.term)
-        if one.evidence.gain >= LEAST_OF_NAMED:
+    if not _contradicted(evaluator, without):
+        likelihood = RecordLikelihood(evaluator)
+        if _stands(likelihood, compared_with_dwell(likelihood, without, needed.term)):
             return named
     return lacking(named, {DWELL})
 
@@ -103,24 +106,29 @@ def _by_own_limits(one: Compared) -> LikelihoodEvidence:
     return LikelihoodEvidence(gain, t, min(gain / LEAST_GAIN, t / LEAST_T))
 
 
-def shows_dwell(one: Compared, evaluator: Evaluator, fitted: Fitted) -> bool:
+def shows_dwell(likelihood: RecordLikelihood, one: Compared) -> bool:
     """Whether the record is more likely with dwell than records with nothing hidden are, the size
-    matters, nothing else is left beside it, and the breakaways beside what is ``fitted`` allow
-    it."""
+    matters, and it stands against what only looks like it."""
     size = one.rich.candidate[one.rich.layout.places[DWELL]]
     return (
         _by_own_limits(one).strength >= 1.0
-        and one.term.material(size, evaluator.summary)
-        and not leaves_something(one.rich, evaluator)
-        and _breakaways_allow(evaluator, fitted, one.evidence.gain)
+        and one.term.material(size, likelihood.evaluator.summary)
+        and _stands(likelihood, one)
     )
 
 
-def _breakaways_allow(evaluator: Evaluator, fitted: Fitted, gain: float = np.inf) -> bool:
-    """Whether the breakaways do not tell of dwell, or show enough of it beside such a ``gain``."""
-    least_z = CONTRADICTED_Z if gain >= OF_ANY_TERM else BORNE_OUT_Z
-    seen_of = {seen.slug: seen for seen in breakaway_evidence(evaluator, fitted)}
-    return DWELL not in seen_of or seen_of[DWELL].z >= least_z
+def _stands(likelihood: RecordLikelihood, one: Compared) -> bool:
+    """Whether nothing else is left beside dwell, and the record still shows it where quick loading
+    may let the stem go sooner."""
+    if leaves_something(one.rich, likelihood.evaluator):
+        return False
+    return with_quick_loading(likelihood, one).evidence.gain >= LEAST_GAIN
+
+
+def _contradicted(evaluator: Evaluator, fitted: Fitted) -> bool:
+    """Whether the breakaways beside what is ``fitted`` tell of dwell, and show none."""
+    scores = (seen.z for seen in breakaway_evidence(evaluator, fitted) if seen.slug == DWELL)
+    return next(scores, CONTRADICTED_Z) < CONTRADICTED_Z
 
 
 def compared_with_dwell(likelihood: RecordLikelihood, simple: Fitted, term: Term) -> Compared:
@@ -134,6 +142,24 @@ def compared_with_dwell(likelihood: RecordLikelihood, simple: Fitted, term: Term
     alone = _searched(likelihood, alone.layout, starts, alone)
     layout = evaluator.layout(simple.layout.hypothesis.plus(term))
     rich = _searched(likelihood, layout, _with(alone, layout, _scales(alone, first)))
+    return _exchanged(likelihood, term, alone, rich)
+
+
+def with_quick_loading(likelihood: RecordLikelihood, one: Compared) -> Compared:
+    """The record without and with dwell where the stem may let go the sooner the quicker it is
+    loaded."""
+    first, begun = likelihood.first_of_record, list[Likeliest]()
+    for at in (one.simple, one.rich):
+        layout = likelihood.evaluator.layout(at.layout.hypothesis.plus(QUICK_LOADING))
+        begun.append(_searched(likelihood, layout, _loaded(at, layout, (at.of_record, first))))
+    return _exchanged(likelihood, one.term, *begun)
+
+
+def _exchanged(
+    likelihood: RecordLikelihood, term: Term, alone: Likeliest, rich: Likeliest
+) -> Compared:
+    """Without and with dwell, each begun from where the other has ended, until neither gains."""
+    layout, first = rich.layout, likelihood.first_of_record
     for exchange in range(EXCHANGES):
         before = alone.total
         less = carried_over(on_both(layout, rich.candidate), alone.layout)[0]
@@ -187,6 +213,19 @@ def _without(row: Floats, scales: Sequence[Floats]) -> Iterator[Floats]:
             other[RESTICK] = restick
             for of_record in scales:
                 yield np.append(other, of_record)
+
+
+def _loaded(at: Likeliest, layout: CoordinateLayout, scales: Sequence[Floats]) -> Iterator[Floats]:
+    """Points (size + 2,) about ``at`` of a stem that a quick command lets go below its level, which
+    may be higher for it."""
+    place = layout.places[QUICK_LOADING.slug].start
+    none = carried_over(on_both(at.layout, at.candidate), layout)[0]
+    for row in _at_levels(none, LEVELS_LOADED):
+        breakaway = 0.5 * sum(S_and_J(row))
+        for share, of_record in product(SHARES_LOADED, scales):
+            other = row.copy()
+            other[place] = share * breakaway
+            yield np.append(other, of_record)
 
 
 def _with(alone: Likeliest, layout: CoordinateLayout, scales: Sequence[Floats]) -> Iterator[Floats]:

@@ -15,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from stemwatch.models.mismatch.acceptance_limits import RARELY_ACTS
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import on_both, scored
 from stemwatch.models.mismatch.fit.evaluator import Evaluator, TermSet
@@ -37,7 +38,8 @@ from stemwatch.models.mismatch.search.compared_by_likelihood import Compared, tr
 from stemwatch.models.mismatch.search.named_at_likeliest import named_with
 from stemwatch.models.mismatch.search.named_terms import Named
 from stemwatch.models.mismatch.search.other_coordinates import carried_over
-from stemwatch.models.mismatch.term import Term
+from stemwatch.models.mismatch.term import ActsOn, Term
+from stemwatch.models.stickslip.parameters import Bounds
 
 # Of 192 valves with nothing hidden (`draw_nulls`, seeds 4063 and 4064) play reaches 19 and a t of
 # 3.3, and once 730 with a t of 1.0; of 96 of them other terms 23 and 2.0, but for dwell, which five
@@ -46,6 +48,8 @@ from stemwatch.models.mismatch.term import Term
 BESIDE = 1.5  # least strength beside what trajectories have shown
 # Difference of two terms, and its t over the blocks, below which neither is more likely.
 AS_LIKELY, AS_GOOD = 4.0, 1.5
+# Parts of a size, of which the largest that is not material is compared with it.
+LESS = tuple(np.linspace(0.98, 0.02, 49))
 
 
 def named_by_likelihood(named: Named, terms: Sequence[Term]) -> Named:
@@ -64,6 +68,8 @@ def named_by_likelihood(named: Named, terms: Sequence[Term]) -> Named:
     if named.needed and best.evidence.strength < BESIDE:
         return named
     if not named.needed and scatters_as_no_stem(likelihood, best.rich):
+        return named
+    if not _told_from_harmless(likelihood, best):
         return named
     dispensable, left = _dispensable(likelihood, named, best)
     if dispensable:
@@ -122,6 +128,27 @@ def _with_more_likely(
 def _is_material(one: Compared, evaluator: Evaluator) -> bool:
     values = one.rich.candidate[one.rich.layout.places[one.term.slug]]
     return one.term.material(values, evaluator.summary)
+
+
+def _told_from_harmless(likelihood: RecordLikelihood, one: Compared) -> bool:
+    """Whether the record tells what slows the command from the same in a size that is not material,
+    at its most likely parameters. The air of a good valve takes some tenths of a second; a few
+    samples after quick moves show that, and hardly how long.
+    """
+    if one.term.acts_on is not ActsOn.COMMAND:
+        return True  # a good valve has none of it
+    at, places = one.rich, one.rich.layout.places[one.term.slug]
+    size, summary = at.candidate[places], likelihood.evaluator.summary
+    harmless = next(
+        (part * size for part in LESS if not one.term.material(part * size, summary)), None
+    )
+    if harmless is None:
+        return True
+    point, low, high = at.point.copy(), at.layout.bounds.low.copy(), at.layout.bounds.high.copy()
+    point[places] = low[places] = high[places] = harmless
+    layout = replace(at.layout, bounds=Bounds(low, high))
+    more, t = more_likely(at, replace(likelihood, widest=one.widest).maximised(layout, [point]))
+    return more >= AS_LIKELY and t >= AS_GOOD * RARELY_ACTS.get(one.term.slug, 1.0)
 
 
 def _as_likely(best: Compared, other: Compared) -> bool:

@@ -484,7 +484,7 @@ def follow(
     out: Floats,
     early_late: Floats,
 ) -> None:
-    """Run ``m <= LANES`` stems of ``numbers`` (m, 20), each over a row of ``force`` (r, n).
+    """Run ``m <= LANES`` stems of ``numbers`` (m, 21), each over a row of ``force`` (r, n).
 
     ``rows`` (m,) says which; forces must be finite, percent. ``losses`` (m, blocks) receives the
     sums of the loss, ``out`` (n, m) the readings sample by sample, percent of MV, and

@@ -99,6 +99,7 @@ def test_a_reading_that_is_far_off_in_coarse_steps_has_a_likelihood(
         {"CREEP": 0.2},
         {"DRAG_S": 2.0},
         {"HYSTERESIS": 1.5, "WAY": 3.0, "BY_PLACE": 1.0},
+        {"SOONER": 0.5},
     ],
     ids=str,
 )
@@ -114,8 +115,9 @@ def test_the_probabilities_of_all_readings_sum_to_one(numbers) -> None:
     assert total == pytest.approx(1.0, abs=0.02)
 
 
-def slipping(samples=1200, S=4.0, J=1.2, noise=0.1, scatter=0.06, seed=3):
-    """OP and MV of a stem whose breakaways scatter, written anew: levels by Choudhury's element."""
+def slipping(samples=1200, S=4.0, J=1.2, noise=0.1, scatter=0.06, seed=3, sooner=0.0):
+    """OP and MV of a stem whose breakaways scatter, written anew: levels by Choudhury's element; it
+    may let go ``sooner``, percent at 1 %/s, as bristles do."""
     rng = np.random.default_rng(seed)
     op = 50.0 + 8.0 * np.sin(2.0 * np.pi * np.arange(samples) / 170.0)
     op += 3.0 * np.sin(2.0 * np.pi * np.arange(samples) / 53.0)
@@ -125,7 +127,8 @@ def slipping(samples=1200, S=4.0, J=1.2, noise=0.1, scatter=0.06, seed=3):
         f = command - x
         if moving and side * f - 0.5 * (S - J) <= 1e-9:
             moving, share = False, 1.0 + scatter * rng.standard_normal()
-        if not moving and abs(f) > 0.5 * (S + J) * share:
+        less = min(sooner * abs(command - op[max(k - 1, 0)]) ** (2.0 / 3.0), J)
+        if not moving and abs(f) > (0.5 * (S + J) - less) * share:
             moving, side = True, np.sign(f)
         if moving:
             x += side * max(side * f - 0.5 * (S - J), 0.0)
@@ -143,6 +146,27 @@ def test_s_and_j_are_the_most_likely_where_they_are_true() -> None:
     best = total(4.0, 1.2)
     for S, J in ((3.6, 1.2), (4.4, 1.2), (4.0, 0.6), (4.0, 1.8)):
         assert best > total(S, J) + 10.0, (S, J)
+
+
+@pytest.mark.parametrize("sooner", [0.0, 0.3])
+def test_how_much_sooner_a_quick_force_lets_the_stem_go_is_most_likely_where_it_is_true(
+    sooner: float,
+) -> None:
+    """Against letting go at the same level however quick, and as much sooner again."""
+    op, mv = slipping(samples=2400, scatter=0.03, sooner=sooner)
+    likely = {
+        size: float(likelihood(op, mv, *stem_of(op.size, SOONER=size), scatter=0.03)[0])
+        for size in (0.0, 0.3, 0.6)
+    }
+    others = [total for size, total in likely.items() if size != sooner]
+    assert likely[sooner] > max(others) + 10.0
+
+
+def test_no_stem_lets_go_below_its_kinetic_level() -> None:
+    """However quick the force is: twice as much sooner is the same then."""
+    op, mv = slipping(samples=600)
+    much, more = (likelihood(op, mv, *stem_of(op.size, SOONER=size))[0] for size in (1e3, 2e3))
+    assert much == pytest.approx(more, rel=1e-12)
 
 
 def test_the_scatter_is_found() -> None:

@@ -15,6 +15,7 @@ from stemwatch.models.mismatch.search.dwell_by_likelihood import (
     LEAST_GAIN,
     compared_with_dwell,
     shows_dwell,
+    with_quick_loading,
 )
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.studies.simulator.hidden import draw_hidden, draw_nulls
@@ -32,8 +33,9 @@ def compared(recording, S, J):
     row = candidate(evaluator.layout(hypothesis()), S, J)
     layout = evaluator.layout(hypothesis())
     fitted = conclude(evaluator, scored(layout, np.vstack((row, row))))
-    one = compared_with_dwell(RecordLikelihood(evaluator), fitted, catalogue()[DWELL])
-    return one, shows_dwell(one, evaluator, fitted)
+    likelihood = RecordLikelihood(evaluator)
+    one = compared_with_dwell(likelihood, fitted, catalogue()[DWELL])
+    return one, shows_dwell(likelihood, one)
 
 
 def test_dwell_in_noise_gives_back_s_and_j():
@@ -82,3 +84,39 @@ def test_what_breakaways_or_likelihood_contradict_is_not_named(seed, place):
     """
     run = draw_nulls(place + 1, seed)[place].simulated()
     assert not explain(run.recording).effects
+
+
+@pytest.mark.parametrize(
+    ("seed", "place"),
+    [(2135, 6), *(pytest.param(2136, place, marks=pytest.mark.long) for place in (319, 353))],
+)
+def test_a_packing_that_lets_go_sooner_when_it_is_loaded_quickly_is_no_dwell(seed, place):
+    """Nothing is hidden, but quick moves start the stem sooner than slow ones after long rests. The
+    likelihood, trajectories or breakaways have proposed dwell."""
+    run = draw_hidden(place + 1, seed)[place].simulated()
+    assert not explain(run.recording).effects
+
+
+@pytest.mark.long
+def test_what_such_a_packing_does_is_not_named_beside_another_effect():
+    """Beside a creep and beside a sag, each the right name."""
+    for seed, place, slug in ((2136, 198, "stem_creep"), (2135, 229, "supply_sag")):
+        case = draw_hidden(place + 1, seed)[place]
+        named = [effect.slug for effect in explain(case.simulated().recording).effects]
+        assert named == [slug]
+
+
+def test_s_and_j_of_such_a_packing_are_found_beside_its_quick_loading():
+    """Without it the record seems to need dwell, and J is less than half of the true one."""
+    case = draw_hidden(7, 2135)[6]
+    evaluator = evaluator_of(case.simulated().recording)
+    layout = evaluator.layout(hypothesis())
+    row = candidate(layout, 1.6, 0.8)
+    fitted = conclude(evaluator, scored(layout, np.vstack((row, row))))
+    likelihood = RecordLikelihood(evaluator)
+    one = compared_with_dwell(likelihood, fitted, catalogue()[DWELL])
+    beside = with_quick_loading(likelihood, one)
+    assert one.evidence.gain >= LEAST_GAIN
+    assert beside.evidence.gain < 2.0
+    valve = case.loop.valve
+    assert S_and_J(beside.simple.candidate) == pytest.approx((valve.S_read, valve.J_read), rel=0.1)
