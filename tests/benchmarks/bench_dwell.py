@@ -6,7 +6,8 @@ Valves with nothing hidden (``draw_nulls``), or with ``--hidden`` those of ``dra
 dwell alone and whose record shows it. Each is compared without and with dwell, beside S and J as
 they are fitted to it. One line for each: the gain of the log likelihood, its t over the blocks of
 time, the size, the score of the breakaways where they tell of dwell, and S and J without and with
-it beside the true ones; then how many pass.
+it beside the true ones; then how many pass. Where a look shows that dwell does not gain enough,
+these are of the look.
 """
 
 from __future__ import annotations
@@ -20,7 +21,11 @@ from stemwatch.models.mismatch.measurement.record_effects import measured_record
 from stemwatch.models.mismatch.prepared_recording import prepare, problem_of
 from stemwatch.models.mismatch.search.breakaway_levels import DWELL, breakaway_evidence
 from stemwatch.models.mismatch.search.breakaway_scatter import scatter_matters
-from stemwatch.models.mismatch.search.dwell_by_likelihood import compared_with_dwell, shows_dwell
+from stemwatch.models.mismatch.search.dwell_by_likelihood import (
+    LEAST_GAIN,
+    compared_with_dwell,
+    shows_dwell,
+)
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.preparation.own_clock import on_own_clock
 from stemwatch.models.recording import Recording
@@ -41,7 +46,7 @@ def asked(case: HiddenCase, recording: Recording) -> tuple[bool, str] | None:
     evaluator, fitted = prepared.base.evaluator, prepared.base.fitted
     if DWELL in prepared.refused or not scatter_matters(evaluator, fitted):
         return None
-    one = compared_with_dwell(RecordLikelihood(evaluator), fitted, catalogue()[DWELL])
+    one = compared_with_dwell(RecordLikelihood(evaluator), fitted, catalogue()[DWELL], LEAST_GAIN)
     scores = (seen.z for seen in breakaway_evidence(evaluator, fitted) if seen.slug == DWELL)
     z = next(scores, None)
     size = float(one.rich.candidate[one.rich.layout.places[DWELL]][0])
