@@ -6,7 +6,8 @@ Valves with nothing hidden (``draw_nulls``), or with ``--hidden`` those of ``dra
 dwell alone and whose record shows it. Each is compared without and with dwell, beside S and J as
 they are fitted to it. One line for each: the gain of the log likelihood, that beside what quick
 loading does, its t over the blocks of time, the size, the score of the breakaways where they tell
-of dwell, and S and J without and with it beside the true ones; then how many pass.
+of dwell, and S and J without and with it beside the true ones; then how many pass. Where a look
+shows that dwell does not gain enough, these are of the look.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from stemwatch.models.mismatch.search.breakaway_levels import DWELL, breakaway_e
 from stemwatch.models.mismatch.search.breakaway_scatter import scatter_matters
 from stemwatch.models.mismatch.search.dwell_by_likelihood import (
     CONTRADICTED_Z,
+    LEAST_GAIN,
     compared_with_dwell,
     shows_dwell,
     with_quick_loading,
@@ -47,7 +49,7 @@ def asked(case: HiddenCase, recording: Recording) -> tuple[bool, str] | None:
     if DWELL in prepared.refused or not scatter_matters(evaluator, fitted):
         return None
     likelihood = RecordLikelihood(evaluator)
-    one = compared_with_dwell(likelihood, fitted, catalogue()[DWELL])
+    one = compared_with_dwell(likelihood, fitted, catalogue()[DWELL], LEAST_GAIN)
     beside = with_quick_loading(likelihood, one)
     scores = (seen.z for seen in breakaway_evidence(evaluator, fitted) if seen.slug == DWELL)
     z = next(scores, None)

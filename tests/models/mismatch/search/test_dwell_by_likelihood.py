@@ -10,9 +10,11 @@ from stemwatch.models.mismatch.fit.base_coordinate import S_and_J
 from stemwatch.models.mismatch.fit.batched_search import conclude
 from stemwatch.models.mismatch.fit.crossfit import scored
 from stemwatch.models.mismatch.likelihood.maximum_likelihood import RecordLikelihood
+from stemwatch.models.mismatch.search import dwell_by_likelihood
 from stemwatch.models.mismatch.search.breakaway_levels import DWELL
 from stemwatch.models.mismatch.search.dwell_by_likelihood import (
     LEAST_GAIN,
+    WORTH,
     compared_with_dwell,
     shows_dwell,
     with_quick_loading,
@@ -27,14 +29,14 @@ from tests.models.mismatch.fitted_chain import (
 )
 
 
-def compared(recording, S, J):
+def compared(recording, S, J, least=LEAST_GAIN):
     """The record without and with dwell, begun at S and J alone; and whether dwell passes."""
     evaluator = evaluator_of(recording)
     row = candidate(evaluator.layout(hypothesis()), S, J)
     layout = evaluator.layout(hypothesis())
     fitted = conclude(evaluator, scored(layout, np.vstack((row, row))))
     likelihood = RecordLikelihood(evaluator)
-    one = compared_with_dwell(likelihood, fitted, catalogue()[DWELL])
+    one = compared_with_dwell(likelihood, fitted, catalogue()[DWELL], least)
     return one, shows_dwell(likelihood, one)
 
 
@@ -54,10 +56,25 @@ def test_a_level_that_was_found_too_low_is_no_dwell(place):
     and long rests hold more than that. Begun from many levels, they end at the true ones."""
     case = draw_nulls(place + 1, 4063)[place]
     valve = case.loop.valve
-    one, shown = compared(case.simulated().recording, 0.78 * valve.S_read, 0.35 * valve.J_read)
+    begun = 0.78 * valve.S_read, 0.35 * valve.J_read
+    one, shown = compared(case.simulated().recording, *begun, least=-np.inf)
     assert not shown
     assert one.evidence.gain < LEAST_GAIN
     assert S_and_J(one.simple.candidate) == pytest.approx((valve.S_read, valve.J_read), rel=0.1)
+
+
+def test_dwell_that_gains_little_at_a_look_is_not_searched(monkeypatch):
+    """Nothing is hidden. Begun at the true S and J, nothing is searched; begun at too low a level,
+    which long rests exceed, the record without dwell alone."""
+    recording = simulated_by_chain(samples=3600)
+    monkeypatch.setattr(dwell_by_likelihood, "_searched_in_turn", None)  # a call is a TypeError
+    one, shown = compared(recording, 3.2, 0.4)
+    assert not shown
+    assert one.evidence.gain < WORTH * LEAST_GAIN
+    monkeypatch.setattr(dwell_by_likelihood, "_searched", None)
+    one, shown = compared(recording, 4.0, 1.2)
+    assert not shown
+    assert one.evidence.gain < WORTH * LEAST_GAIN
 
 
 @pytest.mark.parametrize(
