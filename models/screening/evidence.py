@@ -9,6 +9,7 @@ from dataclasses import replace
 from stemwatch.models.decision import residual
 from stemwatch.models.decision.beside_friction import actuator_takes_s, beside_friction
 from stemwatch.models.decision.decision_evidence import DecisionEvidence
+from stemwatch.models.decision.reading_off import ReadingOff, reading_off
 from stemwatch.models.decision.residual import BaselineComparison
 from stemwatch.models.decision.shaken_loose import is_sure, may_be_shaken
 from stemwatch.models.estimate import Estimate
@@ -76,7 +77,17 @@ def evidence_of(
         S_averaged=S_if_averaged(fitted, S),
         stop=_stop(fitted, mismatch),
         wander=_wander(fitted, mismatch),
+        off=_reading_off(fitted, mismatch),
     )
+
+
+def _reading_off(fitted: FittedRecording, mismatch: Mismatch | None) -> ReadingOff | None:
+    """By how much the position stands beside OP, where both are in percent and nothing was named
+    that may be the cause."""
+    recording, in_percent = fitted.recording, fitted.fit.evaluator.problem.mv_is_percent
+    if not in_percent or (mismatch is not None and mismatch.effects):
+        return None
+    return reading_off(recording.op.values[recording.usable], fitted.curve, fitted.fit.candidate)
 
 
 def _wander(fitted: FittedRecording, mismatch: Mismatch | None) -> Wander | None:

@@ -52,6 +52,7 @@ def test_steps_of_a_set_point_tell_what_the_archive_keeps(seed, scans):
 
 @pytest.mark.parametrize("averaged", [True, False])
 def test_a_recording_is_told_by_its_set_point_beside_a_noisy_op(averaged):
+    """OP is never at rest in automatic, and says nothing."""
     assert keeps_averages(recording(set_point(3), 10, averaged=averaged)) is averaged
 
 
