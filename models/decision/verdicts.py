@@ -103,7 +103,9 @@ def watch(evidence: DecisionEvidence, limits: Limits, reason: str, confidence: f
 
 def healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
     """Healthy, with what makes it doubtful."""
-    text = f"The stem follows: S is {S_text(evidence)}.{evidence.slow}"
+    # A stem beside which something acts is late, slow or slips too far: it does not follow.
+    does = "hardly sticks" if evidence.slow else "follows"
+    text = f"The stem {does}: S is {S_text(evidence)}.{evidence.slow}"
     advice = "Nothing to do at the valve."
     if evidence.cycling_s is not None:
         cycle_text = period(evidence.cycling_s, evidence.unit_s)

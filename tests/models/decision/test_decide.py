@@ -346,3 +346,13 @@ def test_a_healthy_valve_whose_position_stands_beside_OP_is_told_so():
     assert "correct zero and span" in decision.advice
     assert "Nothing to do at the packing." in decision.advice
     assert "Nothing to do at the valve." not in decision.advice
+
+
+def test_a_stem_beside_which_something_acts_is_not_said_to_follow():
+    """It followed, by its sentence, before a speed limit of 0.5 %/s and slips that overshoot."""
+    slow = " Beside friction: Slips overshoot."
+    decision = decide(evidence(0.3, 0.1, slow=slow), LIMITS)
+    assert decision.verdict is Verdict.HEALTHY
+    assert decision.reason.startswith("The stem hardly sticks: S is 0.3 %")
+    assert "follows" not in decision.reason
+    assert decide(evidence(0.3, 0.1), LIMITS).reason.startswith("The stem follows: S is")
