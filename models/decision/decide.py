@@ -78,7 +78,7 @@ def _by_the_stem(evidence: DecisionEvidence, limits: Limits) -> Decision:
             "times worse than in its baseline window."
         )
         return watch(evidence, limits, cause, 0.5)
-    if high >= limits.sticky_S_percent:
+    if high >= limits.sticky_S_percent and not evidence.is_hidden(limits):
         because, advice = why_wide(evidence)
         return cannot_tell(
             f"S is probably {percent(S)} but may be {percent(high)}{because}", advice

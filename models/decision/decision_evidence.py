@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from stemwatch.models.decision.reading_off import ReadingOff
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.limits import Limits
 from stemwatch.models.record_checks.on_a_stop import Stop
@@ -60,6 +61,7 @@ class DecisionEvidence:
     every_s: float = 0.0
     wander: Wander | None = None  # of the position reading, where no effect was named
     stop: Stop | None = None  # on which the stem stood, beside which S and J are; unless named
+    off: ReadingOff | None = None  # by which the position stands beside OP; unless named
 
     def may_stick_unseen(self, limits: Limits) -> bool:
         """Whether the slow actuator that was found may be a stem that sticks after all."""

@@ -27,8 +27,9 @@ far more often friction.
 
       S that may be there = S that is seen + c sqrt(n) e
 
-  for noise of at least a third of S. A sample is as far off by noise alone, so that this says
-  something of averages only.
+  for noise of at least a third of S. Over few scans such a stem creeps from mean to mean, as behind
+  a lag, and ``e`` is the scatter of OP - MV itself. A sample is as far off by noise alone, so that
+  this says something of averages only.
 """
 
 from __future__ import annotations
@@ -56,8 +57,12 @@ WIDE, SURE_T, MOSTLY = 1.5, 2.5, 3.0
 # A band that leaves doubt.
 PERHAPS_T = 2.0
 SCAN_S = 1.0  # from one output of a controller to the next, as usual
-# Averages over fewer seconds are seldom kept, and less of the noise is lost in them.
-AVERAGED_FROM_S = 20.0
+# Where nothing shows what the archive keeps: averages over fewer seconds are seldom kept, and less
+# of the noise is lost in them.
+AVERAGED_FROM_S = 10.0
+# Below this a stem is not shaken from end to end within each average: it creeps, which a fit takes
+# for a lag and leaves little. So it is OP - MV itself that scatters by as much as S lets it.
+CREEPS_BELOW_S = 20.0
 # c: `python tests/benchmarks/bench_averaged_band.py` simulates a stem without jumps whose OP has
 # white noise of a third of S. Less noise leaves more of the band to be seen.
 OF_ROOT = 2.6
@@ -134,14 +139,18 @@ def S_unseen(fit: StickSlipFit, S: float) -> float:
     return S + span * _not_followed(problem.op, problem.mv, problem.scored)
 
 
-def S_averaged(fit: StickSlipFit, S: float) -> float:
+def S_averaged(fit: StickSlipFit, S: float, averages: bool | None = None) -> float:
     """The S that a stem may have which looks like one of ``S``, percent of travel, if a slow
-    archive keeps averages; ``S`` itself in a quick one."""
+    archive keeps ``averages``, or may keep them (``None``); ``S`` itself in a quick one, and in
+    one of samples."""
     problem = fit.evaluator.problem
     every_s = _interval_s(fit)
-    if every_s < AVERAGED_FROM_S or not problem.mv_is_percent:
+    least_s = SLOW_ARCHIVE_S if averages else AVERAGED_FROM_S
+    if averages is False or every_s < least_s or not problem.mv_is_percent:
         return S
-    left = problem.mv - fit.evaluator.simulate(fit.candidate, resynced=True)
+    creeps = every_s < CREEPS_BELOW_S
+    stem = problem.op if creeps else fit.evaluator.simulate(fit.candidate, resynced=True)
+    left = problem.mv - stem
     return S + OF_ROOT * float(np.sqrt(every_s / SCAN_S)) * _scatter(left, problem.scored)
 
 

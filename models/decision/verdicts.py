@@ -13,6 +13,7 @@ from stemwatch.models.decision.doubts import (
     unless_stored_so,
 )
 from stemwatch.models.decision.no_verdict import FASTER, cannot_tell
+from stemwatch.models.decision.reading_off import CHECK_READING
 from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.terms._common import LAG_AS_BUILT_S
 from stemwatch.models.preparation.own_clock import period
@@ -102,7 +103,9 @@ def watch(evidence: DecisionEvidence, limits: Limits, reason: str, confidence: f
 
 def healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
     """Healthy, with what makes it doubtful."""
-    text = f"The stem follows: S is {S_text(evidence)}.{evidence.slow}"
+    # A stem beside which something acts is late, slow or slips too far: it does not follow.
+    does = "hardly sticks" if evidence.slow else "follows"
+    text = f"The stem {does}: S is {S_text(evidence)}.{evidence.slow}"
     advice = "Nothing to do at the valve."
     if evidence.cycling_s is not None:
         cycle_text = period(evidence.cycling_s, evidence.unit_s)
@@ -111,6 +114,10 @@ def healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
     if evidence.takes_s > LAG_AS_BUILT_S:
         first = "Nothing to do at the packing" if evidence.cycling_s is None else advice.rstrip(".")
         advice = f"{first}. {NOT_THAT_SLOW}"
+    if evidence.off is not None:
+        text += f" {evidence.off.sentence()}"
+        first = "Nothing to do at the packing." if advice.startswith("Nothing") else advice
+        advice = f"{CHECK_READING} {first}"
     decision = Decision(
         verdict=Verdict.HEALTHY,
         reason=text,

@@ -4,17 +4,16 @@ which the fit may be misled.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 from stemwatch.models.decision import residual
 from stemwatch.models.decision.beside_friction import actuator_takes_s, beside_friction
 from stemwatch.models.decision.decision_evidence import DecisionEvidence
+from stemwatch.models.decision.reading_off import ReadingOff, reading_off
 from stemwatch.models.decision.residual import BaselineComparison
-from stemwatch.models.decision.shaken_loose import S_averaged, S_unseen, is_sure, may_be_shaken
+from stemwatch.models.decision.shaken_loose import is_sure, may_be_shaken
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Mismatch
-from stemwatch.models.mismatch.measurement.between_samples import ArchiveKind
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.record_checks.on_a_stop import Stop
 from stemwatch.models.record_checks.own_swing import OwnSwing, own_swing
@@ -22,6 +21,7 @@ from stemwatch.models.record_checks.pulsing_stem import find_pulses
 from stemwatch.models.record_checks.wandering_reading import Wander, find_wander
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.screening.fitted_recording import FittedRecording
+from stemwatch.models.screening.hidden_stiction import S_if_averaged, S_that_may_be_hidden
 from stemwatch.models.screening_result import Residual
 from stemwatch.models.signals.oscillation import signal_oscillation
 from stemwatch.models.stickslip.change_of_stiction import ChangeOfStiction, change_of_stiction
@@ -73,11 +73,21 @@ def evidence_of(
         without_lag=fitted.S_alone if fit.hypothesis == "both" else 0.0,
         rests=is_sure(fitted.dead_bands),
         shaken=_shaken(fitted, mismatch),
-        S_unseen=_S_unseen(fitted, S),
-        S_averaged=_may_be_there(S_averaged, fitted, S),
+        S_unseen=S_that_may_be_hidden(fitted, S),
+        S_averaged=S_if_averaged(fitted, S),
         stop=_stop(fitted, mismatch),
         wander=_wander(fitted, mismatch),
+        off=_reading_off(fitted, mismatch),
     )
+
+
+def _reading_off(fitted: FittedRecording, mismatch: Mismatch | None) -> ReadingOff | None:
+    """By how much the position stands beside OP, where both are in percent and nothing was named
+    that may be the cause."""
+    recording, in_percent = fitted.recording, fitted.fit.evaluator.problem.mv_is_percent
+    if not in_percent or (mismatch is not None and mismatch.effects):
+        return None
+    return reading_off(recording.op.values[recording.usable], fitted.curve, fitted.fit.candidate)
 
 
 def _wander(fitted: FittedRecording, mismatch: Mismatch | None) -> Wander | None:
@@ -124,21 +134,3 @@ def _shaken(fitted: FittedRecording, mismatch: Mismatch | None) -> float:
     fit = fitted.fit
     may_be = may_be_shaken(fit, mismatch, fitted.dead_bands, S_and_J(fit.naive)[0])
     return fitted.S_alone if may_be else 0.0
-
-
-def _S_unseen(fitted: FittedRecording, S: Estimate) -> float:
-    """The S that may be there, percent of OP, where noise of OP shakes the stem loose between
-    samples, or within each average of an archive that is known to keep such."""
-    archive, between = fitted.archive, _may_be_there(S_unseen, fitted, S)
-    if archive is None or archive.kind is not ArchiveKind.AVERAGES or archive.kind_open:
-        return between
-    return max(between, _may_be_there(S_averaged, fitted, S))
-
-
-def _may_be_there(
-    hidden: Callable[[StickSlipFit, float], float], fitted: FittedRecording, S: Estimate
-) -> float:
-    """The S that may be ``hidden`` behind the one that is seen, percent of OP; 0 where not even
-    that is known."""
-    slope = fitted.op_per_travel
-    return 0.0 if S.value is None else slope * hidden(fitted.fit, S.value / slope)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.mismatch.measurement.between_samples import stands_for_friction
 from stemwatch.models.recording import PERCENT, Floats
 from stemwatch.models.screening.fitted_recording import FittedRecording
+from stemwatch.models.screening.hidden_stiction import S_that_may_be_hidden
 from stemwatch.models.stickslip.interval import interval, spread_of
 from stemwatch.models.stickslip.parameters import S_and_J
 
@@ -19,6 +22,7 @@ def published_stiction(
         S, J = _unless_late(fitted, mismatch.restated)
         return S, J, spread_of(S)
     S, J, S_draws = _of_stickslip_fit(fitted)
+    S = _up_to_what_may_be_hidden(fitted, S)
     if mismatch is not None and lag_is_doubtful(fitted, mismatch, S, J):
         # Only this fit needs the lag, and the recording does not show which of the two is right.
         # Breakaways that were read with the lag, and not by a run of their own, say nothing then.
@@ -60,6 +64,14 @@ def _unless_late(fitted: FittedRecording, restated: Stiction) -> tuple[Estimate,
     if curve is not None:
         S, J = curve.in_op(S), curve.in_op(J, is_jump=True)
     return restated.S.holding(S), restated.J.holding(J)
+
+
+def _up_to_what_may_be_hidden(fitted: FittedRecording, S: Estimate) -> Estimate:
+    """``S``, percent of OP, whose interval reaches to the S that noise of OP may hide from a slow
+    archive, where it was read by the fit alone."""
+    if fitted.archive is not None or S.value is None or S.high is None:
+        return S
+    return replace(S, high=max(S.high, S_that_may_be_hidden(fitted, S)))
 
 
 def _exactly(value: float) -> Estimate:

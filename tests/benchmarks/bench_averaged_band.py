@@ -5,7 +5,8 @@
 First a stem without jumps, whose OP has white noise at each scan on a slow wave: how many times as
 large S is as the scatter that averages over n scans leave of OP - MV, beside the band that they
 still show. Then six hours of valves simulated by force balance at 1 s, with the noise of OP as
-drawn and with 0.3 and 0.6 % of it, kept as averages, and as samples, of 30 and 60 s.
+drawn and with 0.3 and 0.6 % of it, kept as averages, and as samples, of 10, 30 and 60 s: how often
+S below the sticky limit is doubted, and how often steps of OP and set point show what is kept.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ import numpy as np
 from stemwatch.models.decision.shaken_loose import S_averaged
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Floats, Recording, Signal
+from stemwatch.models.signals.averages_in_steps import keeps_averages
 from stemwatch.models.stickslip.fit import fit_stickslip
 from stemwatch.models.studies.simulator import draw_healthy, draw_sticky
 from tests.benchmarks.bench_shaken_band import hours_of
 
-SCANS = (30, 60)
+SCANS = (10, 30, 60)
 NOISES = (0.0, 0.3, 0.6)  # percent of OP; 0: as it is drawn
 MEANS = 400
 SHARES = (1.0, 0.5, 1.0 / 3.0, 0.25)  # of S, that the noise has
@@ -83,20 +85,25 @@ def main() -> None:
     for name, draw in (("healthy", draw_healthy), ("sticking", draw_sticky)):
         for noise in NOISES:
             counts = {True: [0, 0], False: [0, 0]}
+            told = {True: [0, 0], False: [0, 0]}
             for number, loop in enumerate(draw(options.valves, options.seed)):
                 recording = hours_of(loop, noise, options.seed + number)
                 for averaged, seen in counts.items():
                     for scans in SCANS:
-                        fit = fit_stickslip(stored(recording, scans, averaged=averaged))
+                        record = stored(recording, scans, averaged=averaged)
+                        by_steps, fit = keeps_averages(record), fit_stickslip(record)
                         small = fit.S < limit
                         seen[0] += small
-                        seen[1] += small and S_averaged(fit, fit.S) >= limit
+                        seen[1] += small and S_averaged(fit, fit.S, by_steps) >= limit
+                        if by_steps is not None:
+                            told[averaged][int(by_steps is not averaged)] += 1
             (means, doubted), (samples, wrongly) = counts[True], counts[False]
             of = len(SCANS) * options.valves
             print(
                 f"{name}, noise of OP {f'{noise:g} %' if noise else 'as drawn'}: averages, S below "
                 f"{limit:g} % in {means} of {of}, doubted {doubted}; samples, "
-                f"{samples}, doubted {wrongly}",
+                f"{samples}, doubted {wrongly}; steps show averages {told[True][0]} times, samples "
+                f"{told[False][0]} times, wrongly {told[True][1]} and {told[False][1]} times",
                 flush=True,
             )
 

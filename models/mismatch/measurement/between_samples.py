@@ -32,6 +32,7 @@ from stemwatch.models.mismatch.findings import RecordEffect
 from stemwatch.models.mismatch.measurement.compression import drawn_lines, held_reports
 from stemwatch.models.preparation.own_clock import duration
 from stemwatch.models.recording import PERCENT, Floats, Recording
+from stemwatch.models.signals.averages_in_steps import keeps_averages
 from stemwatch.models.signals.excitation import reversals
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.fit import StickSlipFit
@@ -454,9 +455,10 @@ def even_archive(recording: Recording) -> Archive | None:
     if turns.size < FEWEST_TURNS:
         return None
     per_turn = float(np.median(np.diff(turns)))
-    if not _averaged(op, mv, by_itself=False):
+    averages = keeps_averages(recording)  # by steps of OP and set point, else by slips of the stem
+    if averages is False or (averages is None and not _averaged(op, mv, by_itself=False)):
         return Archive(ArchiveKind.SNAPSHOTS, per_turn, 0.0, _every_s(recording))
-    kind_open = not _averaged(op, mv, by_itself=True)
+    kind_open = averages is None and not _averaged(op, mv, by_itself=True)
     return Archive(ArchiveKind.AVERAGES, per_turn, 0.0, _every_s(recording), kind_open=kind_open)
 
 

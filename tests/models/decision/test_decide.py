@@ -12,6 +12,7 @@ from stemwatch.models.decision.decide import decide
 from stemwatch.models.decision.decision import shape_of
 from stemwatch.models.decision.decision_evidence import DecisionEvidence
 from stemwatch.models.decision.no_verdict import undetermined
+from stemwatch.models.decision.reading_off import ReadingOff
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.limits import Limits
 from stemwatch.models.record_checks.data_quality import Obstacle
@@ -334,3 +335,24 @@ def test_a_stem_that_rests_in_a_dead_band_has_friction():
     """A dead band that the archive shows decides where a slow actuator fits as well."""
     assert decide(evidence(5.0, **NO_FRICTION), LIMITS).verdict is Verdict.UNDETERMINED
     assert decide(evidence(5.0, rests=True, **NO_FRICTION), LIMITS).verdict is Verdict.STICKY
+
+
+def test_a_healthy_valve_whose_position_stands_beside_OP_is_told_so():
+    """A reading 4.9 % high in a batch loop was healthy without a word."""
+    off = ReadingOff(low=0.0, at_low=4.9, high=49.0, at_high=-1.0)
+    decision = decide(evidence(0.3, 0.1, off=off), LIMITS)
+    assert decision.verdict is Verdict.HEALTHY
+    assert "4.9 % above OP at 0 %, and 1.0 % below it at 49 %" in decision.reason
+    assert "correct zero and span" in decision.advice
+    assert "Nothing to do at the packing." in decision.advice
+    assert "Nothing to do at the valve." not in decision.advice
+
+
+def test_a_stem_beside_which_something_acts_is_not_said_to_follow():
+    """It followed, by its sentence, before a speed limit of 0.5 %/s and slips that overshoot."""
+    slow = " Beside friction: Slips overshoot."
+    decision = decide(evidence(0.3, 0.1, slow=slow), LIMITS)
+    assert decision.verdict is Verdict.HEALTHY
+    assert decision.reason.startswith("The stem hardly sticks: S is 0.3 %")
+    assert "follows" not in decision.reason
+    assert decide(evidence(0.3, 0.1), LIMITS).reason.startswith("The stem follows: S is")

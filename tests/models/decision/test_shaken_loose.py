@@ -16,7 +16,7 @@ from stemwatch.models.decision.shaken_loose import (
     may_be_shaken,
     without_slow_actuator,
 )
-from stemwatch.models.recording import Floats, Recording
+from stemwatch.models.recording import Floats, Recording, Role
 from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.models.signals.dead_band import DeadBand
 from stemwatch.models.stickslip import parameters as coordinate
@@ -116,10 +116,12 @@ def test_a_quick_archive_is_left_to_the_fits(fit):
     assert not may_be_shaken(quick, None, (SURE,), 5.0)
 
 
-def kept(S: float, noise: float, every: int, *, averaged: bool = False) -> Recording:
+def kept(
+    S: float, noise: float, every: int, *, averaged: bool = False, set_points: bool = False
+) -> Recording:
     """A stem with this ``S`` that jumps nowhere, a second late, behind a controller's ``noise`` of
     OP, percent, of which the archive keeps a sample ``every`` so many seconds for eight hours, or
-    the average over them."""
+    the average over them; ``set_points`` beside them, which show which of the two it keeps."""
     rng = np.random.default_rng(4091)
     scans = 8 * 3600
     moves = np.repeat(rng.uniform(-6.0, 6.0, scans // 600), 600)
@@ -131,10 +133,12 @@ def kept(S: float, noise: float, every: int, *, averaged: bool = False) -> Recor
         stem = min(max(stem, op[k - 1] - 0.5 * S), op[k - 1] + 0.5 * S)
     mv[-1] = stem
     mv += 0.05 * rng.standard_normal(scans)
-    if averaged:
-        op, mv = (values.reshape(-1, every).mean(axis=1) for values in (op, mv))
-        return stemwatch.read(op=op, mv=mv, interval_s=float(every), valve="FIC-2")
-    return stemwatch.read(op=op[::every], mv=mv[::every], interval_s=float(every), valve="FIC-2")
+    signals = {"op": op, "mv": mv}
+    if set_points:
+        signals["sp"] = np.roll(50.0 + moves, 7)
+    rows = {name: values.reshape(-1, every) for name, values in signals.items()}
+    values = {name: row.mean(axis=1) if averaged else row[:, 0] for name, row in rows.items()}
+    return stemwatch.read(**values, interval_s=float(every), valve="FIC-2")
 
 
 @pytest.mark.parametrize(
@@ -172,6 +176,31 @@ def test_a_band_within_averages_is_not_called_healthy_with_confidence(every):
         assert found.confidence <= 0.5
         assert f"averages over {every} s" in found.reason or "averages over 1 min" in found.reason
         assert "step OP by 1 % in manual" in found.advice
+
+
+@pytest.mark.parametrize("every", [10, 30])
+def test_a_band_within_averages_that_set_points_show_gives_no_verdict(every):
+    """The same, known to be averages: S of 1.6 % was *healthy* at 0.99 behind averages of 10 s."""
+    recording = kept(1.6, 0.55, every, averaged=True, set_points=True)
+    (found,) = screen([Case(recording=recording)], Options(narx=False))
+    assert (found.verdict, found.no_verdict) == (Verdict.UNDETERMINED, NoVerdict.SLOW_SAMPLING)
+
+
+def test_samples_that_set_points_show_are_not_taken_for_averages():
+    """A healthy stem that answers late, every 30 s: its confidence was 0.5 at most."""
+    late = kept(0.1, 0.15, 30, set_points=True)
+    (found,) = screen([Case(recording=late)], Options(narx=False))
+    assert (found.verdict, found.confidence) == (Verdict.HEALTHY, 0.99)
+    without = replace(late, signals={r: s for r, s in late.signals.items() if r is not Role.SP})
+    (doubted,) = screen([Case(recording=without)], Options(narx=False))
+    assert doubted.confidence == 0.5
+
+
+def test_the_interval_of_S_reaches_to_what_noise_may_hide():
+    """S of 0.9 % read as next to nothing every 30 s, with an interval that ended at 0.4 %."""
+    (found,) = screen([Case(recording=kept(0.9, 0.15, 30))], Options(narx=False))
+    assert found.verdict is Verdict.HEALTHY
+    assert found.S.low <= 0.9 <= found.S.high
 
 
 def test_averages_of_a_stem_that_follows_hide_little():
