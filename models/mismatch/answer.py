@@ -34,6 +34,7 @@ from stemwatch.models.mismatch.measurement.record_effects import MeasuredRecord
 from stemwatch.models.mismatch.prepared_recording import PreparedRecording
 from stemwatch.models.mismatch.restated_stiction import archive_of, stictions, with_peaks_restored
 from stemwatch.models.mismatch.search.tried_effects import scores_of, what_was_tried
+from stemwatch.models.mismatch.stiction import of_likelihood
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.preparation.own_clock import duration
 from stemwatch.models.recording import Floats
@@ -59,6 +60,8 @@ def answer_of(case: PreparedRecording) -> Mismatch:
     finding = _finding(effects, hypothesis.unexplained or bool(unsure))
     if not hypothesis.effects and (finding is Finding.UNKNOWN or not comparison.heldout.improves):
         comparison, refitted = comparison.of_naive_alone(), friction_alone
+    if finding is Finding.NONE and archive is None and hypothesis.shaking is None:
+        refitted = of_likelihood(evaluator, hypothesis.fitted) or refitted
     before, after = _residual_maps(evaluator, comparison)
     too_small = [DELAY] if delays else []
     tried_effects, combined_gain = what_was_tried(hypothesis.named, effects, too_small)

@@ -223,7 +223,7 @@ def _or_short_of_it(
 
 def _in_op(stiction: Stiction, curve: StrokeCurve) -> Stiction:
     """S and J in percent of OP instead of travel."""
-    return Stiction(S=curve.in_op(stiction.S), J=curve.in_op(stiction.J, is_jump=True))
+    return replace(stiction, S=curve.in_op(stiction.S), J=curve.in_op(stiction.J, is_jump=True))
 
 
 def _through_flow(recording: Recording) -> Mismatch:

@@ -218,10 +218,12 @@ class HeldOutFit:
 
 @dataclass(frozen=True, kw_only=True)
 class Stiction:
-    """S and J in percent of OP span."""
+    """S and J in percent of OP span. ``by_likelihood``: those by which the whole record is most
+    likely, of which each slip may have come early or late."""
 
     S: Estimate
     J: Estimate
+    by_likelihood: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

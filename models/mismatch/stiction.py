@@ -1,8 +1,9 @@
-"""S and J of a hypothesis with their intervals: from its fit, from the breakaways, or from the
-force balance of a drive.
+"""S and J of a hypothesis with their intervals: from its fit, from the breakaways, from the
+likelihood of the whole record, or from the force balance of a drive.
 
 A run with one level reads S and J too small where breakaways scatter (``stickslip.breakaways``), so
-the breakaways are used where they agree with the element that was fitted. A fit's own interval
+the breakaways are used where they agree with the element that was fitted. The likelihood knows of
+that scatter, and of slips that noise hides (``breakaway_filter``). A fit's own interval
 comes from the bootstrap and from a model error, because no stem is exactly the element.
 """
 
@@ -19,7 +20,14 @@ from stemwatch.models.mismatch.fit import base_coordinate
 from stemwatch.models.mismatch.fit.crossfit import Fitted, gain
 from stemwatch.models.mismatch.fit.evaluator import Evaluator
 from stemwatch.models.mismatch.fit.uncertainty import estimate
+from stemwatch.models.mismatch.likelihood.maximum_likelihood import RecordLikelihood, likeliest_of
+from stemwatch.models.mismatch.search.breakaway_scatter import (
+    less_scattered,
+    scatter_matters,
+    too_noisy,
+)
 from stemwatch.models.mismatch.search.reading_errors import without_error
+from stemwatch.models.mismatch.search.same_rests import along_the_ridge
 from stemwatch.models.mismatch.stem_model.delay import delayed
 from stemwatch.models.recording import PERCENT, Floats
 from stemwatch.models.signals.op_in_steps import set_in_steps
@@ -138,6 +146,31 @@ def jump_within_a_step(problem: FitProblem, told: Stiction) -> bool:
     """Whether OP goes as far in a sample as the stem jumps, so that no sample shows where the
     stem let go."""
     return way_in_a_sample(problem) >= (told.J.value or 0.0)
+
+
+def of_likelihood(evaluator: Evaluator, fitted: Fitted) -> Stiction | None:
+    """S and J by which the record is most likely where it is ``fitted`` by friction alone; ``None``
+    where breakaways hardly reach beyond the noise, where OP goes as far in a sample as the stem
+    jumps, or where the readings lie further from the stem than their noise.
+    """
+    if not scatter_matters(evaluator, fitted):
+        return None
+    likelihood = RecordLikelihood(evaluator)
+    at = less_scattered(likelihood, likeliest_of(likelihood, fitted))
+    at = less_scattered(likelihood, along_the_ridge(likelihood, at))
+    S, J = base_coordinate.S_and_J(at.candidate)
+    if too_noisy(evaluator, at) or way_in_a_sample(evaluator.problem) >= J:
+        return None
+    errors = likelihood.standard_errors(at)
+    of_S, of_ratio = errors[base_coordinate.S_PERCENT], errors[base_coordinate.RATIO]
+    of_J = np.hypot(of_S * J / S, of_ratio * S)
+    normal = np.random.default_rng(7).standard_normal(REPLICATES)
+    error = max(MODEL_ERROR * 0.5 * (S + J), LEAST_ERROR)
+    return Stiction(
+        S=_positive(estimate(S + of_S * normal, S, PERCENT, error)),
+        J=_positive(estimate(J + of_J * normal, J, PERCENT, error)),
+        by_likelihood=True,
+    )
 
 
 def of_balance(balance: ForceBalance, fitted: Stiction) -> Stiction:

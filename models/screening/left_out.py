@@ -15,7 +15,7 @@ from stemwatch.models.decision.shaken_loose import (
 )
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.mismatch.findings import Mismatch, Stiction
+from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.narx.example import NarxFit
 from stemwatch.models.preparation.own_clock import duration
 from stemwatch.models.screening.fitted_recording import FittedRecording
@@ -83,7 +83,7 @@ def as_shown(
     if shown.runs is not None and fitted.stretch is not None:
         runs = shown.runs.within(fitted.stretch.first, len(fitted.whole))
         shown = replace(shown, runs=runs)
-    return replace(shown, restated=Stiction(S=S, J=J))
+    return replace(shown, restated=replace(shown.restated, S=S, J=J))
 
 
 def _may_be_late_reports(found: Mismatch, fitted: FittedRecording) -> bool:

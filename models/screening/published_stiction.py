@@ -17,9 +17,13 @@ from stemwatch.models.stickslip.parameters import S_and_J
 def published_stiction(
     fitted: FittedRecording, mismatch: Mismatch | None
 ) -> tuple[Estimate, Estimate, Floats]:
-    """S, J and draws of S, percent of OP: those of the fit with the named effects, if any."""
+    """S, J and draws of S, percent of OP: those of the fit with the named effects, if any; else
+    those of the likelihood of the whole record, where it tells them."""
     if mismatch is not None and mismatch.effects and mismatch.restated.S.value is not None:
         S, J = _unless_late(fitted, mismatch.restated)
+        return S, J, spread_of(S)
+    if mismatch is not None and mismatch.restated.by_likelihood and fitted.archive is None:
+        S, J = _up_to_what_may_be_hidden(fitted, mismatch.restated.S), mismatch.restated.J
         return S, J, spread_of(S)
     S, J, S_draws = _of_stickslip_fit(fitted)
     S = _up_to_what_may_be_hidden(fitted, S)
