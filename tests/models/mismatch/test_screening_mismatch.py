@@ -57,8 +57,7 @@ def test_where_something_was_named_the_restated_numbers_are_reported(slug, seed)
 @pytest.mark.parametrize(
     ("S", "J", "terms", "without_names"),
     [
-        # A sagging supply lets the stem come to rest slowly, and S and J are then read from slips.
-        (0.3, 0.1, {"supply_sag": [-0.2, 30.0]}, Verdict.HEALTHY),
+        (0.3, 0.1, {"supply_sag": [-0.2, 30.0]}, Verdict.WATCH),
         (0.4, 0.1, {"growing_stiction": [2.0]}, Verdict.WATCH),
         (0.6, 0.2, {"growing_stiction": [1.5]}, Verdict.WATCH),
     ],

@@ -131,7 +131,7 @@ def test_s_and_j_of_such_a_packing_are_found_beside_its_quick_loading():
     row = candidate(layout, 1.6, 0.8)
     fitted = conclude(evaluator, scored(layout, np.vstack((row, row))))
     likelihood = RecordLikelihood(evaluator)
-    one = compared_with_dwell(likelihood, fitted, catalogue()[DWELL])
+    one = compared_with_dwell(likelihood, fitted, catalogue()[DWELL], LEAST_GAIN)
     beside = with_quick_loading(likelihood, one)
     assert one.evidence.gain >= LEAST_GAIN
     assert beside.evidence.gain < 2.0
