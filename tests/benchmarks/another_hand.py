@@ -77,7 +77,56 @@ class Loop(NamedTuple):
 
 
 @njit(cache=True, fastmath=True)
-def _run(  # noqa: C901 (the equations of one valve, in the order in which they act)
+def _flow(valve: Valve, asked: float, pressure: float) -> float:
+    """Air through the pilot's orifices, kPa/s, by the command and the pressure behind them."""
+    wide = PILOT_KPA / np.sqrt(80.0)
+    wanted = min(max(ZERO_KPA + 0.01 * SPAN_KPA * asked, 0.0), SUPPLY_KPA)
+    u = min(max((wanted - pressure) / PILOT_KPA, -1.0), 1.0)
+    if u > 0.0:
+        return u * wide / valve.fill_s * np.sqrt(max(SUPPLY_KPA - pressure, 0.0))
+    return u * wide / valve.vent_s * np.sqrt(max(pressure, 0.0))
+
+
+@njit(cache=True, fastmath=True)
+def _levels(valve: Valve, x: float, part: float, rises: bool, rested: float) -> tuple[float, float]:
+    """The static and the sliding level at a place, after a ``part`` of the record and a rest."""
+    level = 1.0 + valve.grows * part
+    if valve.tight != 0.0:
+        level *= 1.0 + valve.tight * np.exp(-(((x - valve.tight_at) / valve.tight_wide) ** 2))
+    level *= 1.0 + valve.uneven if rises else 1.0 - valve.uneven
+    held = 1.0 + valve.dwell * np.log1p(rested / valve.dwell_s)
+    return valve.static * level * held, valve.sliding * level
+
+
+@njit(cache=True, fastmath=True)
+def _friction(
+    valve: Valve, levels: tuple[float, float], net: float, v: float, z: float
+) -> tuple[float, float]:
+    """Friction, and how far the bristles bend, by LuGre; or Karnopp's friction, without any."""
+    static, sliding = levels
+    level = static
+    if abs(v) > 0.01 * valve.stribeck:
+        level = sliding + (static - sliding) * np.exp(-((v / valve.stribeck) ** 2))
+    if valve.bristle > 0.0:
+        stiff = valve.static / valve.bristle
+        damped = 0.6 * np.sqrt(stiff * valve.mass)
+        bent = (z + STEP_S * v) / (1.0 + STEP_S * stiff * abs(v) / level)
+        return stiff * bent + damped * (bent - z) / STEP_S, bent
+    if v != 0.0:
+        return (level if v > 0.0 else -level), z
+    return min(max(net, -static), static), z
+
+
+@njit(cache=True, fastmath=True)
+def _reading(valve: Valve, lever: float, part: float) -> float:
+    """What the transmitter reads of its lever, without noise."""
+    reading = valve.zero + 50.0 + valve.span * (lever - 50.0)
+    reading += valve.bow * (1.0 - (lever / 50.0 - 1.0) ** 2)
+    return reading + valve.drift * np.sin(1.2 * np.pi * part)
+
+
+@njit(cache=True, fastmath=True)
+def _run(
     valve: Valve, loop: Loop, wanted: Floats, load: Floats, noise: Floats, interval_s: float
 ) -> Floats:
     """(n, 4) OP, reading, PV and place at every sample; ``wanted`` (n,) is the set point, or OP in
@@ -89,18 +138,14 @@ def _run(  # noqa: C901 (the equations of one valve, in the order in which they 
     lever, rested, inner, reset, master = 50.0, 0.0, 0.0, 0.0, 50.0
     late = np.full(int(valve.dead_s / STEP_S) + 1, 50.0)
     behind = np.full(int(loop.dead_s / interval_s) + 1, 50.0)
-    bristle = valve.bristle if valve.bristle > 0.0 else 1.0
-    stiff = valve.static / bristle
-    damped = 0.6 * np.sqrt(stiff * valve.mass)
-    clock, wide, swept = 0, PILOT_KPA / np.sqrt(80.0), 0.01 / (valve.volume + 0.5)
+    clock, swept = 0, 0.01 / (valve.volume + 0.5)
     for k in range(n):
         asked = wanted[k]
         if loop.is_cascade:
             master += 0.15 * interval_s / loop.reset_s * (wanted[k] - y - noise[k, 1])
             asked = master = min(max(master, 0.0), 100.0)
-        if loop.is_manual:
-            op = wanted[k]
-        else:
+        op = wanted[k]
+        if not loop.is_manual:
             error = asked - y - noise[k, 1]
             integral += loop.gain / loop.reset_s * error * interval_s
             integral = min(max(integral, 0.0), 100.0)
@@ -110,48 +155,18 @@ def _run(  # noqa: C901 (the equations of one valve, in the order in which they 
             clock = clock + 1 if clock + 1 < late.size else 0
             asked = late[clock]
             if valve.positioner_s > 0.0:
-                off = asked - x
-                if abs(off) > valve.positioner_band:
-                    reset = min(max(reset + STEP_S / valve.positioner_s * off, -40.0), 40.0)
+                if abs(asked - x) > valve.positioner_band:
+                    reset += STEP_S / valve.positioner_s * (asked - x)
+                    reset = min(max(reset, -40.0), 40.0)
                 asked = asked + reset
-            d = min(max(ZERO_KPA + 0.01 * SPAN_KPA * asked, 0.0), SUPPLY_KPA) - pressure
-            u = min(max(d / PILOT_KPA, -1.0), 1.0)
-            if u > 0.0:
-                flow = u * wide / valve.fill_s * np.sqrt(max(SUPPLY_KPA - pressure, 0.0))
-            else:
-                flow = u * wide / valve.vent_s * np.sqrt(max(pressure, 0.0))
-            pressure += (
-                STEP_S * (flow - (pressure + AIR_KPA) * swept * v) / (1.0 + swept * (x - 50.0))
-            )
-            level, push = 1.0 + valve.grows * k / n, 0.0
-            if valve.tight != 0.0:
-                level *= 1.0 + valve.tight * np.exp(
-                    -(((x - valve.tight_at) / valve.tight_wide) ** 2)
-                )
-            if valve.push != 0.0:
-                push = valve.push * np.exp(-(((x - valve.push_at) / valve.push_wide) ** 2))
-            if valve.inner > 0.0:
-                inner += valve.inner * v * STEP_S
-                inner = min(max(inner, -valve.inner_most), valve.inner_most)
+            gains = _flow(valve, asked, pressure) - (pressure + AIR_KPA) * swept * v
+            pressure += STEP_S * gains / (1.0 + swept * (x - 50.0))
+            inner += valve.inner * v * STEP_S
+            inner = min(max(inner, -valve.inner_most), valve.inner_most)
+            push = valve.push * np.exp(-(((x - valve.push_at) / valve.push_wide) ** 2))
             net = (pressure - ZERO_KPA) / (0.01 * SPAN_KPA) - x - push - inner
-            if v > 0.0 or (v == 0.0 and net > 0.0):
-                level *= 1.0 + valve.uneven
-            else:
-                level *= 1.0 - valve.uneven
-            static, sliding = valve.static * level, valve.sliding * level
-            if valve.dwell > 0.0:
-                static *= 1.0 + valve.dwell * np.log1p(rested / valve.dwell_s)
-            stribeck = static
-            if abs(v) > 0.01 * valve.stribeck:
-                stribeck = sliding + (static - sliding) * np.exp(-((v / valve.stribeck) ** 2))
-            if valve.bristle > 0.0:
-                bent = z
-                z = (z + STEP_S * v) / (1.0 + STEP_S * stiff * abs(v) / stribeck)
-                friction = stiff * z + damped * (z - bent) / STEP_S
-            elif v != 0.0:
-                friction = stribeck if v > 0.0 else -stribeck
-            else:
-                friction = min(max(net, -static), static)
+            levels = _levels(valve, x, k / n, v > 0.0 or (v == 0.0 and net > 0.0), rested)
+            friction, z = _friction(valve, levels, net, v, z)
             went = v
             v += STEP_S * (net - friction) / valve.mass
             v /= 1.0 + STEP_S * valve.drag / valve.mass
@@ -167,10 +182,7 @@ def _run(  # noqa: C901 (the equations of one valve, in the order in which they 
         y += (1.0 - np.exp(-interval_s / loop.lag_s)) * (
             loop.process * (delayed - 50.0) + 50.0 + load[k] - y
         )
-        reading = valve.zero + 50.0 + valve.span * (lever - 50.0)
-        reading += valve.bow * (1.0 - (lever / 50.0 - 1.0) ** 2)
-        reading += valve.drift * np.sin(1.2 * np.pi * k / n)
-        out[k, 0], out[k, 1], out[k, 2], out[k, 3] = op, reading + noise[k, 0], y + noise[k, 1], x
+        out[k] = op, _reading(valve, lever, k / n) + noise[k, 0], y + noise[k, 1], x
     return out
 
 

@@ -63,6 +63,7 @@ def test_the_likelihood_reads_S_and_J_from_where_a_run_ends_too_low(noise: float
 
 
 def test_the_likelihood_is_silent_where_breakaways_hardly_reach_beyond_the_noise() -> None:
+    """The fit has all there is."""
     assert read_from(simulated_by_chain(0.2, 0.05), 0.2, 0.05) is None
 
 
