@@ -61,6 +61,7 @@ def answer_of(case: PreparedRecording) -> Mismatch:
     if not hypothesis.effects and (finding is Finding.UNKNOWN or not comparison.heldout.improves):
         comparison, refitted = comparison.of_naive_alone(), friction_alone
     if finding is Finding.NONE and archive is None and hypothesis.shaking is None:
+        # Runs let go at one level, so that S and J of breakaways that scatter are others.
         refitted = of_likelihood(evaluator, hypothesis.fitted) or refitted
     before, after = _residual_maps(evaluator, comparison)
     too_small = [DELAY] if delays else []
