@@ -1,11 +1,10 @@
-"""Valves of the other simulator that hide what its first draw showed to be missed."""
+"""The other simulator: its stems follow, and each effect changes them."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from stemwatch.models.mismatch.explain import explain
 from tests.benchmarks.another_hand import EFFECTS, NOTHING, draw_hand_valve
 
 
@@ -26,18 +25,3 @@ def test_each_effect_changes_the_valve() -> None:
     rng = np.random.default_rng(1)
     for draw in EFFECTS.values():
         assert draw(rng)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(
-    ("hidden", "seed", "named"),
-    [
-        # Samples of half a second: the delay ended at 6 s, and was `unknown` and a lag.
-        ("dead_time", 1000, "dead_time"),
-        ("dead_time", 1002, "dead_time"),
-    ],
-)
-def test_what_was_missed_is_named(hidden: str, seed: int, named: str) -> None:
-    """Alone, or as the first name."""
-    said = explain(draw_hand_valve(hidden, seed).recording)
-    assert said.effects[0].slug == named

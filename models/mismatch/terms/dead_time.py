@@ -25,17 +25,12 @@ MATERIAL = 0.8  # seconds, and samples
 # Seconds that specifications allow the largest valves (EnTech 3.0, from memory).
 AS_BUILT_S = 1.2
 ABOUT_A_SAMPLE = 1.2  # own seconds, and samples
-# The longest delay that is tried, in own seconds; and of a record with more than a sample a second,
-# which is tried up to as many true seconds, in own ones at most. At two samples a second the own
-# second is a half, and delays of 6.6 and 5.5 s were a lag or `unknown` (`bench_another_hand`).
-LONGEST, MOST_UNITS = 12.0, 30.0
 AT_THE_END = 0.99  # of the longest delay that is tried
 
 
 def _longest(summary: RecordingSummary) -> float:
     """The longest delay that is tried, in units of the own clock."""
-    in_units = min(LONGEST / summary.unit_s, MOST_UNITS) if summary.unit_s < 1.0 else LONGEST
-    return max(LONGEST, in_units, 10.0 * summary.interval_s)
+    return max(12.0, 10.0 * summary.interval_s)
 
 
 def about_a_sample(theta: float, summary: RecordingSummary) -> bool:
@@ -91,10 +86,7 @@ class DeadTime(CommandTerm):
     def starts(self, summary: RecordingSummary) -> Floats:
         """Close enough together that an edge of a few seconds finds its place."""
         unit = max(summary.interval_s, 1.0)
-        short = np.array([0.5, 1.0, 1.75, 2.5, 3.5, 4.5, 6.0]) * unit
-        long = np.array([8.0, 11.0, 14.0, 18.0, 23.0]) * unit
-        more = long[long < _longest(summary)] if summary.unit_s < 1.0 else long[:0]
-        return np.concatenate((short, more))[:, None]
+        return np.array([[0.5], [1.0], [1.75], [2.5], [3.5], [4.5], [6.0]]) * unit
 
     def shape(
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats

@@ -74,11 +74,16 @@ def test_the_restated_numbers_drive_the_verdict(S, J, terms, without_names):
 
 
 @pytest.mark.long
-def test_where_nothing_was_named_the_fits_own_numbers_stand():
-    """A null keeps S and J of the stick-slip fit; the mismatch is carried all the same."""
+def test_where_nothing_was_named_the_likelihood_tells_S_and_J():
+    """A null has those of the whole record, near those of the stick-slip fit and of the valve."""
     result, blind = screened("null", 4001), screened("null", 4001, BLIND)
+    _, valve = simulated("null", 4001)
     assert Finding.NONE is result.mismatch.finding
-    assert numbers(result) == numbers(blind)
+    assert result.mismatch.restated.by_likelihood
+    assert numbers(result) == numbers(result.mismatch.restated)
+    assert blind.S.low < result.S.value < blind.S.high
+    assert result.S.value == pytest.approx(valve.S_read, abs=0.1)
+    assert result.S.low < valve.S_read < result.S.high
     assert result.verdict == blind.verdict
 
 

@@ -225,17 +225,6 @@ def test_material_sizes_are_separated_from_immaterial_ones(slug, small, large):
     assert term.material(np.array(large), LOOK)
 
 
-def test_a_delay_is_looked_for_in_seconds_where_samples_are_close():
-    """Up to 12 s at two samples a second, each a unit of its clock; a drive is quick."""
-    late, seconds = CATALOGUE["dead_time"], np.array([10.0])
-    twice, drive = replace(LOOK, unit_s=0.5), replace(LOOK, unit_s=0.01)
-    assert late.material(seconds / twice.unit_s, twice)
-    assert late.starts(twice).max() > 0.8 * seconds[0] / twice.unit_s
-    assert not late.material(1.25 * seconds / twice.unit_s, twice)
-    assert not late.material(seconds / drive.unit_s, drive)
-    assert np.array_equal(late.starts(LOOK), late.starts(replace(LOOK, unit_s=60.0)))
-
-
 def test_an_effect_that_a_recording_cannot_show_is_immaterial_there():
     """A limit over a small swing, a gain over a small travel, a lag within a sample."""
     quiet, slow = LOOKS["quiet"], LOOKS["slow"]
