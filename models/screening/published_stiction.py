@@ -22,7 +22,7 @@ def published_stiction(
     if mismatch is not None and mismatch.effects and mismatch.restated.S.value is not None:
         S, J = _unless_late(fitted, mismatch.restated)
         return S, J, spread_of(S)
-    if mismatch is not None and mismatch.restated.by_likelihood and fitted.archive is None:
+    if mismatch is not None and mismatch.restated.by_likelihood:
         S, J = _up_to_what_may_be_hidden(fitted, mismatch.restated.S), mismatch.restated.J
         return S, J, spread_of(S)
     S, J, S_draws = _of_stickslip_fit(fitted)

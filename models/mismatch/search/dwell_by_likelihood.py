@@ -45,6 +45,7 @@ from stemwatch.models.mismatch.search.named_terms import Named
 from stemwatch.models.mismatch.search.needed_terms import lacking
 from stemwatch.models.mismatch.search.other_coordinates import carried_over
 from stemwatch.models.mismatch.search.quick_loading import QUICK_LOADING
+from stemwatch.models.mismatch.search.same_rests import sliding_level, with_breakaway
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Floats
 
@@ -226,14 +227,9 @@ def _searched(
 
 def _at_levels(row: Floats, times: Sequence[float]) -> Iterator[Floats]:
     """A row (size,) at ``times`` its breakaway level, with its sliding level."""
-    S, J = S_and_J(row)
-    sliding = 0.5 * (S - J)
+    breakaway, least = 0.5 * sum(S_and_J(row)), sliding_level(row) + LEAST_J
     for part in times:
-        breakaway = max(part * 0.5 * (S + J), sliding + LEAST_J)
-        other = row.copy()
-        other[S_PERCENT] = breakaway + sliding
-        other[RATIO] = (breakaway - sliding) / (breakaway + sliding)
-        yield other
+        yield with_breakaway(row, max(part * breakaway, least))
 
 
 def _without(row: Floats, scales: Sequence[Floats]) -> Iterator[Floats]:

@@ -27,12 +27,25 @@ def along_the_ridge(likelihood: RecordLikelihood, at: Likeliest) -> Likeliest:
     return max(at, found, key=lambda one: one.total)
 
 
+def with_breakaway(row: Floats, level: float) -> Floats:
+    """A row (size,) with another breakaway level ``(S + J)/2``, percent, and its sliding level
+    ``(S - J)/2``, at which the stem comes to rest."""
+    sliding, other = sliding_level(row), row.copy()
+    other[S_PERCENT] = level + sliding
+    other[RATIO] = (level - sliding) / (level + sliding)
+    return other
+
+
+def sliding_level(row: Floats) -> float:
+    """``(S - J)/2`` of a row (size,), percent."""
+    S, J = S_and_J(row)
+    return 0.5 * (S - J)
+
+
 def _with_other_jumps(at: Likeliest) -> Iterator[Floats]:
-    """Points (size + 2,) with the same S - J."""
-    S, J = S_and_J(at.candidate)
+    """Points (size + 2,) with other J, from none on, at the sliding level of ``at``."""
+    (S, J), sliding = S_and_J(at.candidate), sliding_level(at.candidate)
     for jump in np.linspace(0.0, max(TIMES_J * J, OF_S * S), JUMPS):
+        row = with_breakaway(at.candidate, max(sliding + jump, LEAST_S - sliding))
         for scatter in SCATTERED:
-            point = at.point.copy()
-            point[S_PERCENT] = max(S - J + jump, LEAST_S)
-            point[RATIO], point[-1] = jump / point[S_PERCENT], np.log(scatter)
-            yield point
+            yield np.concatenate((row, at.of_record[:1], [np.log(scatter)]))
