@@ -80,9 +80,8 @@ def _by_the_stem(evidence: DecisionEvidence, limits: Limits) -> Decision:
         return watch(evidence, limits, cause, 0.5)
     if high >= limits.sticky_S_percent and not evidence.is_hidden(limits):
         because, advice = why_wide(evidence)
-        return cannot_tell(
-            f"S is probably {percent(S)} but may be {percent(high)}{because}", advice
-        )
+        best = f"an S of {percent(S)} fits best"
+        return cannot_tell(f"{best}, but up to {percent(high)} cannot be excluded{because}", advice)
     return _moved_otherwise(evidence, limits) or healthy(evidence, limits)
 
 
