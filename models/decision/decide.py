@@ -81,7 +81,7 @@ def _by_the_stem(evidence: DecisionEvidence, limits: Limits) -> Decision:
     if high >= limits.sticky_S_percent and not evidence.is_hidden(limits):
         because, advice = why_wide(evidence)
         best = f"an S of {percent(S)} fits best"
-        return cannot_tell(f"{best}, but up to {percent(high)} cannot be excluded{because}", advice)
+        return cannot_tell(f"{best}, but {percent(high)} cannot be excluded{because}", advice)
     return _moved_otherwise(evidence, limits) or healthy(evidence, limits)
 
 

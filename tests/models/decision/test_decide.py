@@ -361,5 +361,5 @@ def test_a_stem_beside_which_something_acts_is_not_said_to_follow():
 def test_a_wide_interval_says_which_S_cannot_be_excluded():
     """A small S whose interval reaches to sticky is no likely value with a doubt beside it."""
     decision = decide(evidence(0.7, 0.9), LIMITS)
-    assert "an S of 0.7 % fits best, but up to 1.6 % cannot be excluded" in decision.reason
+    assert "an S of 0.7 % fits best, but 1.6 % cannot be excluded" in decision.reason
     assert "probably" not in decision.reason
