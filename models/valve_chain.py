@@ -136,6 +136,7 @@ CHAIN_PARAMETERS = (
         1e-9,
     ),
     _tunable("creep", "%/s", "Speed of a stem at rest, negative: falling", 0.0, None),
+    _tunable("gives", "1", "Percent of travel that a stem at rest gives for a percent of force"),
     _tunable("stop_low", "%", "The stem goes no lower", -NO_STOP, None),
     _tunable("stop_high", "%", "The stem goes no higher", NO_STOP, None),
     _tunable("tight_friction", "%", "Friction in one band of travel, percent of travel"),
@@ -198,6 +199,7 @@ _OF_TERM: Mapping[str, tuple[tuple[str, str], ...]] = {
     "slip_overshoot": (("restick_speed", "%/s"),),
     "motor_drive": (("drag", "s"), ("run_up", "s"), ("slowness_of_drive", "s")),
     "stem_creep": (("creep", "%/s"),),
+    "presliding": (("gives", ""),),
     "travel_stop": (("inside_low", "%"), ("inside_high", "%")),
     "position_dependent_friction": (
         ("tight_friction", "%"),

@@ -53,6 +53,7 @@ PHYSICS = (
     "growing_stiction",
     "dwell_dependent_breakaway",
     "stem_creep",
+    "presliding",
     "supply_sag",
 )
 _QUICK_EFFECTS = (
@@ -456,11 +457,12 @@ def _time(motion: Exercised) -> Refusals:
             "late",
         )
     if motion.resting_s < LEAST_RESTING_S:
-        yield (
-            "stem_creep",
+        reason = (
             f"the stem rested for only {duration(motion.resting_s, motion.unit_s)}, and creep "
-            "shows at rest",
+            "shows at rest"
         )
+        yield "stem_creep", reason
+        yield "presliding", reason
 
 
 _RULES: tuple[Callable[[Exercised], Refusals], ...] = (

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stemwatch.models.mismatch.evidence.giving_at_rest import PRESLIDING, giving_at_rest
 from stemwatch.models.mismatch.fit.base_fit import (
     BaseFit,
     fit_base,
@@ -129,6 +130,7 @@ def prepare(
     candidate = base.fitted.candidates.mean(axis=0)
     simulated = base.evaluator.simulate(base.fitted.layout, candidate)
     summary = base.evaluator.summary
+    near = min(summary.S, MOST_S), min(summary.J, MOST_S)
     refused = untestable_effects(
         problem.op,
         problem.mv,
@@ -136,8 +138,7 @@ def prepare(
         problem.scored,
         problem.interval_s,
         problem.sigma,
-        min(summary.S, MOST_S),
-        min(summary.J, MOST_S),
+        *near,
         measured.spacing_s,
         problem.unit_s,
     )
@@ -152,6 +153,16 @@ def prepare(
             f"the archive reports OP in steps of {measured.reported_by:.2g} %, and the breakaway "
             "is known no better than that"
         )
+    gives = giving_at_rest(
+        problem.op, problem.mv, simulated, problem.scored, problem.interval_s, problem.sigma, *near
+    )
+    if measured.slack.any():
+        refused[PRESLIDING] = (
+            "the archive drew lines between the points that it kept, and a stem that gives way "
+            "moves along such lines"
+        )
+    elif not gives.shows:
+        refused.setdefault(PRESLIDING, "at rest the stem does not follow its command")
     if not own_reading:
         refused |= dict.fromkeys(READING, "zero and span are those of the flow's characteristic")
     balance = force_balance(problem) if own_reading else None

@@ -46,6 +46,7 @@ _VARYING = (
     stem_number.GROWTH,
     stem_number.DRIFT,
     stem_number.SOONER,
+    stem_number.GIVES,
 )
 
 
@@ -223,6 +224,7 @@ def _changes_at_rest(q: Floats) -> bool:
     """Whether something of a stem changes while it rests, other than its reading: its levels, its
     place, or what a spring's inner friction holds back."""
     changing = abs(q[stem_number.GROWTH]) + abs(q[stem_number.CREEP]) + q[stem_number.SOONER]
+    changing += q[stem_number.GIVES]
     return bool(changing + q[stem_number.BY_REST] + abs(q[stem_number.HYSTERESIS]) > 0.0)
 
 
@@ -289,6 +291,8 @@ def _followed(
         if q[stem_number.SOONER] != 0.0:
             sooner = q[stem_number.SOONER] * (abs(force[k] - force[k - 1]) / dt) ** RATE_POWER
         course.weigh_chances(s, (now, end), q, (force[k], grown, scatter, sooner))
+        if q[stem_number.GIVES] > 0.0:
+            course.give_way(s, (now, end), q, (force[k - 1], force[k], grown), rests[0])
         m = course.branch(s, (now, end), new, q, force[k], rests[0])
         _weigh(s, (new, m), q, (mv[k] - offset, slack[k], step, per_sigma), spring)
         now, (end, joined) = new, course.keep(s, (new, m), alike[0], alike[1], most)
@@ -325,7 +329,7 @@ def log_likelihood(
 ) -> None:
     """Write the logarithm of the likelihood of each block (n_blocks,) to ``by_block``.
 
-    ``force`` (n,) is the command that reaches the stem, percent; ``numbers`` (21,) and ``tables``
+    ``force`` (n,) is the command that reaches the stem, percent; ``numbers`` (22,) and ``tables``
     (of one stem) as in ``stem``, without inertia. The stem is set to its reading where ``record``
     is marked as a start. ``block`` and ``slack`` (n,) as in ``kernel.Scoring``; ``step`` is that of
     coarse readings, else 0, ``sigma`` the scale of the readings, both percent, and ``scatter`` that
@@ -391,7 +395,7 @@ def log_likelihoods(
 ) -> float:
     """``log_likelihood`` of several stems, one after the other, into ``by_block`` (m, n_blocks).
 
-    ``rows`` (m,) are those of ``forces`` (r, n); ``numbers`` (m, 21) and ``tables`` are of the
+    ``rows`` (m,) are those of ``forces`` (r, n); ``numbers`` (m, 22) and ``tables`` are of the
     stems, ``scales`` (m, 2) of the readings and of the levels. A run that falls ``behind`` the
     ``best`` so far, of which ``least`` (n_blocks,) says what that leaves at the end of each block,
     is given up; both are kept for more stems, and the best is returned. No run is given up where

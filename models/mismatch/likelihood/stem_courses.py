@@ -20,6 +20,7 @@ from stemwatch.models.mismatch.stem_model.inner_friction import (
     way_through,
 )
 from stemwatch.models.mismatch.stem_model.lanes import never_raises
+from stemwatch.models.mismatch.stem_model.presliding import given_way
 from stemwatch.models.recording import Floats
 
 CHILDREN = 4  # places for those of a course in a sample: it goes on, rests, lets go
@@ -47,7 +48,7 @@ _VECTOR = 8
 #
 # What may become of it: the probability that it goes on, and to where; that it lets go, and to
 # where; the share of its breakaway level that the force reaches; the probability that a stem holds
-# there.
+# there, and how far it creeps if it rests.
 (
     X,
     Z,
@@ -69,8 +70,9 @@ _VECTOR = 8
     OFF_TO,
     ASKED,
     HOLDS,
-) = (U(row * _WIDTH) for row in range(20))
-_ROWS = 20
+    CREEPS,
+) = (U(row * _WIDTH) for row in range(21))
+_ROWS = 21
 _STATE = (X, Z, GOING, RESTED, ASKED_UP, ASKED_DOWN, HELD_UP, HELD_DOWN)
 
 
@@ -244,6 +246,22 @@ def weigh_chances(
 
 
 @never_raises
+def give_way(
+    s: Floats, span: tuple[int, int], q: Floats, forces: tuple[float, float, float], crept: float
+) -> None:
+    """Write how far the courses of a ``span`` creep in a sample if they rest: by what they give way
+    to the change of the force, and by what they have ``crept`` anyhow. ``forces``: the command of
+    the sample before and of this one, and how far friction has grown.
+    """
+    before, command, grown = forces
+    usual = 0.5 * (q[stem_number.S] + q[stem_number.J]) * grown
+    for i in range(span[0], span[1]):
+        place, level = s[X + i] + s[PUSHED + i], usual + s[FRICTION + i]
+        way = given_way(before - place, command - place, level, q[stem_number.GIVES])
+        s[CREEPS + i] = crept + way
+
+
+@never_raises
 def whole_vectors(span: tuple[int, int]) -> int:
     """Places of the whole vectors that hold a ``span``."""
     return (span[1] - span[0] + U(_VECTOR - 1)) >> U(3) << U(3)
@@ -259,8 +277,10 @@ def branch(
     crept: float,
 ) -> int:
     """Write what may become in a sample of the courses of a ``span`` to places from ``m`` on;
-    returns where that ended. ``crept``: how far a stem at rest creeps in a sample.
+    returns where that ended. ``crept``: how far a stem at rest creeps in a sample, unless it gives
+    way to the force (``give_way``).
     """
+    gives = q[stem_number.GIVES] > 0.0
     for i in range(span[0], span[1]):
         weight, goes_on, read = s[WEIGHT + i], s[GOES_ON + i], s[Z + i]
         if goes_on > 0.0:
@@ -271,7 +291,8 @@ def branch(
         rises = command - s[X + i] - s[PUSHED + i] >= 0.0
         if 1.0 - lets_go > _LEAST_CHANCE**2:
             rested = s[RESTED + i] + 1.0
-            m = _add(s, m, q, (s[X + i] + crept, read, 0.0, rested), weight * (1.0 - lets_go))
+            place = s[X + i] + (s[CREEPS + i] if gives else crept)
+            m = _add(s, m, q, (place, read, 0.0, rested), weight * (1.0 - lets_go))
             c, asked, holds = m - ONE, s[ASKED + i], s[HOLDS + i]
             s[ASKED_UP + c] = asked if rises else s[ASKED_UP + i]
             s[ASKED_DOWN + c] = s[ASKED_DOWN + i] if rises else asked

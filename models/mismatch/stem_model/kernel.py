@@ -51,6 +51,7 @@ from stemwatch.models.mismatch.stem_model.lanes import (
     slid,
     slide,
 )
+from stemwatch.models.mismatch.stem_model.presliding import given_way
 from stemwatch.models.mismatch.stem_model.stem import Tables
 from stemwatch.models.recording import Floats
 
@@ -150,6 +151,7 @@ def used(numbers: Floats) -> tuple[bool, bool, bool]:
             q[stem_number.GROWTH] != 0.0
             or q[stem_number.BY_PLACE] != 0.0
             or q[stem_number.BY_REST] != 0.0
+            or q[stem_number.GIVES] != 0.0
         )
         timed |= q[stem_number.BY_TIME] != 0.0
         heavy |= q[stem_number.RUN_UP_S] > 0.0
@@ -285,6 +287,32 @@ def _rise(s: Floats, resting: NDArray[np.int64], breakaway: Floats) -> None:
         rested = 0.0 if s[row.MOVING + i] > 0.0 else s[row.RESTED + i]
         s[row.BREAKAWAY + i] = breakaway[lane, int(rested)]
         s[row.RESTED + i] = rested + 1.0
+
+
+@never_raises
+def _give_way(
+    s: Floats, numbers: Floats, giving: NDArray[np.int64], forces: Floats, o: np.uint64, dt: float
+) -> None:
+    """Set how far the stems of some lanes creep in this sample, if they rest: by what they give way
+    to the change of the force, and by what they creep anyhow.
+    """
+    for j in range(giving.size):
+        lane = giving[j]
+        i, q = np.uint64(lane), numbers[lane]
+        before, force = s[row.FORCE_AFTER + i], forces[o + i] - s[row.X + i] - s[row.FORCE + i]
+        level = s[row.FS_UP + i] if force > before else s[row.FS_DOWN + i]
+        way = given_way(before, force, level, q[stem_number.GIVES])
+        s[row.CREEP + i] = q[stem_number.CREEP] * dt + way
+
+
+@never_raises
+def _strained(s: Floats, giving: NDArray[np.int64], forces: Floats, o: int, mark: int) -> None:
+    """At a mark, where stems are set to their readings: the stems of some lanes have given way to
+    the force that they are under.
+    """
+    for j in range(giving.size if mark != 0 else 0):
+        i = np.uint64(giving[j])
+        s[row.FORCE_AFTER + i] = forces[np.uint64(o) + i] - s[row.X + i] - s[row.FORCE + i]
 
 
 @never_raises
@@ -484,7 +512,7 @@ def follow(
     out: Floats,
     early_late: Floats,
 ) -> None:
-    """Run ``m <= LANES`` stems of ``numbers`` (m, 21), each over a row of ``force`` (r, n).
+    """Run ``m <= LANES`` stems of ``numbers`` (m, 22), each over a row of ``force`` (r, n).
 
     ``rows`` (m,) says which; forces must be finite, percent. ``losses`` (m, blocks) receives the
     sums of the loss, ``out`` (n, m) the readings sample by sample, percent of MV, and
@@ -503,6 +531,7 @@ def follow(
     varied, timed, heavy = used(numbers)
     slides, varies = alike(numbers), varied or timed or drifts(numbers)
     tables_of = placed, rested, waving = _tabled(numbers)
+    giving = _lanes_with(numbers, stem_number.GIVES)
     weighty = numbers[: m if heavy else 0]
     losses[:], early_late[:, : 0 if window > 0.0 else n] = 0.0, 0.0
     all_lanes, k, current, full = np.uint64(lanes), _I(0), _I(-1), _I(0)
@@ -516,6 +545,7 @@ def follow(
         if timed or mark != 0:
             seen = mv[k], mv[k - 1], int(mark)
             _wander_and_rest(s, numbers, tables, seen, k, t, laid_out[o:])
+            _strained(s, giving, laid_out, o, int(mark))
         if mark == _START:
             full += _start(s, m, t, (mv[k], slack[k], charged), laid_out[o:])
             early_late[:, k : k + 1] = 0.0
@@ -540,6 +570,7 @@ def follow(
                 look_up(s, numbers, placed, friction, pushing, sample, row.MOVING, near, laid_out)
                 _rise(s, rested, breakaway)
                 _set_levels(s, all_lanes, k)
+                _give_way(s, numbers, giving, laid_out, np.uint64(k % AHEAD * lanes), dt)
             if timed:
                 _wander(s, waving, wander, k)
             _move_heavy(s, weighty, laid_out[o:], near_onset, dt)

@@ -30,6 +30,7 @@ enum {
 #define NO_LAG 1e-3         /* in units of the fit's own clock, of UNIT_S seconds */
 #define PLACES 141          /* of the tables over travel: one for each percent from -20 to 120 */
 #define PLACE_LOW (-20.0)
+#define NEAR 0.98           /* share of the level, from which a stem gives way as there */
 #define PI 3.141592653589793
 #define MOTOR_PARTS 4       /* of a sample, in which a stem with inertia is moved */
 #define ELEMENTS 3          /* of a spring with inner friction */
@@ -52,6 +53,7 @@ typedef struct {
     double lagged, rung, rung_speed, limited, step, air, before_air;
     /* The stem: its place, where its reading stands, the way and speed it moves, how long it rested. */
     double x, z, way, speed;
+    double left; /* of the force on it, after it has moved */
     double anchor[ELEMENTS]; /* of the elements of the spring's inner friction */
     bool moving;
     double rested;
@@ -177,6 +179,7 @@ static bool restart(Valve *v)
     band += fabs(table_at(v->friction, z)) + fabs(table_at(v->force, z));
     band += v->q[SPRING_HYSTERESIS];
     v->x = v->z = clipped(z, command - band, command + band);
+    v->left = command - v->x - table_at(v->force, v->x);
     double reach = v->q[SPRING_WAY] / 4.0, share = (command - v->x) / fmax(band, ROUNDING);
     for (int i = 0; i < ELEMENTS; i++, reach *= 2.0) v->anchor[i] = v->x - share * reach;
     v->position = reading(v);
@@ -328,6 +331,22 @@ static double least_gap(const Valve *v, double share)
     return fmax(speed * v->q[SAMPLE_TIME] / share, ROUNDING);
 }
 
+/* The way of a stem at rest to a share of its level, in deflections at the level. */
+static double way_to(double share)
+{
+    return share < NEAR ? -log(1.0 - share) : -log(1.0 - NEAR) + (share - NEAR) / (1.0 - NEAR);
+}
+
+/* How far a stem at rest gives way to the change of the force on it. */
+static double given_way(const Valve *v, double f, Levels at)
+{
+    double side = f > v->left ? 1.0 : -1.0, gives = v->q[GIVES];
+    double level = fmax(side > 0.0 ? at.breaks_up : at.breaks_down, 1e-3), last = side * f / level;
+    if (gives <= 0.0 || f == v->left) return 0.0;
+    double way = gives * level * (way_to(last) - way_to(side * v->left / level));
+    return side * way / (1.0 + gives / (1.0 - fmin(last, NEAR)));
+}
+
 /* A stem that sticks, breaks away, slides and stops. */
 static void move(Valve *v, double force, Levels at)
 {
@@ -344,11 +363,12 @@ static void move(Valve *v, double force, Levels at)
         sliding = rises ? at.slides_up : at.slides_down;
     }
     if (!v->moving)
-        v->x += q[CREEP] * q[SAMPLE_TIME];
+        v->x += q[CREEP] * q[SAMPLE_TIME] + given_way(v, f, at);
     else if (ONE_ACTUATOR) /* J above S: it slides ahead of its force, which in turn it may not */
         v->x = force - v->way * sliding;
     else
         v->x += share * v->way * fmax(v->way * f - sliding, 0.0);
+    v->left = force - v->x;
     v->x = clipped(v->x, q[STOP_LOW], q[STOP_HIGH]);
 }
 

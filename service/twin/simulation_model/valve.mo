@@ -33,6 +33,7 @@ protected
   discrete Real waiting[delay + 2] "Commands that are on their way, the newest first, %";
   discrete Real command, lagged, rung, ring_speed, limited, step, air, before_air, force;
   discrete Real x "The stem, %";
+  discrete Real left "Of the force on the stem, after it has moved";
   discrete Real z "Where its reading stands, %";
   discrete Real anchor[3] "Of the elements of the spring's inner friction, which slip at their reach, %";
   discrete Real way "1 rising, -1 falling";
@@ -113,6 +114,7 @@ algorithm
       level := level + abs(off) + abs(pushed) + spring_hysteresis;
       x := min(max(z, command - level), command + level);
       z := x;
+      left := command - x - pushed;
       reach := spring_way / 4;
       for i in 1:3 loop
         anchor[i] := x - (command - x) / max(level, rounding) * reach;
@@ -209,12 +211,20 @@ algorithm
           sliding := level - (if way > 0 then up else down);
         end if;
         if not moving then
-          x := x + creep * sample_time;
+          // The packing gives to the change of the force before it lets go.
+          part := if f > left then 1 else -1;
+          place := max(level + (if part > 0 then up else down) + rise, 1e-3);
+          share := part * f / place;
+          gap := if share < 0.98 then -log(1 - min(share, 0.98)) else -log(0.02) + (share - 0.98) / 0.02;
+          reach := part * left / place;
+          gap := gap - (if reach < 0.98 then -log(1 - min(reach, 0.98)) else -log(0.02) + (reach - 0.98) / 0.02);
+          x := x + creep * sample_time + part * gives * place * gap / (1 + gives / (1 - min(share, 0.98)));
         elseif one_actuator then
           x := force - way * sliding;
         else
           x := x + share * way * max(way * f - sliding, 0);
         end if;
+        left := force - x;
       end if;
       x := min(max(x, stop_low), stop_high);
       z := min(max(z, x - 0.5 * play), x + 0.5 * play);
