@@ -20,7 +20,7 @@ from stemwatch.models.stickslip.advantage import Advantage
 MEAN, T, PRODUCT = 0.04, 1.4, 0.12
 # Play is nearly the same as another S and J, and dwell as a scatter of the breakaways: chance finds
 # them more often.
-HARDER = {"lost_motion": 1.6, "dwell_dependent_breakaway": 1.9, "presliding": 1.5}
+HARDER = {"lost_motion": 1.6, "dwell_dependent_breakaway": 1.9}
 # A top speed acts after large fast moves only. What gains much in k blocks and nothing in the rest
 # has a t of about sqrt(k), however much it gains: 1.4 for two of twenty blocks, each predicted from
 # the other fold. Chance does not imitate it: of 72 valves with nothing hidden none gains more than

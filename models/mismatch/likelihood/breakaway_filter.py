@@ -291,8 +291,7 @@ def _followed(
         if q[stem_number.SOONER] != 0.0:
             sooner = q[stem_number.SOONER] * (abs(force[k] - force[k - 1]) / dt) ** RATE_POWER
         course.weigh_chances(s, (now, end), q, (force[k], grown, scatter, sooner))
-        if q[stem_number.GIVES] > 0.0:
-            course.give_way(s, (now, end), q, (force[k - 1], force[k], grown), rests[0])
+        course.give_way(s, (now, end), q, (force[k - 1], force[k], grown), rests[0])
         m = course.branch(s, (now, end), new, q, force[k], rests[0])
         _weigh(s, (new, m), q, (mv[k] - offset, slack[k], step, per_sigma), spring)
         now, (end, joined) = new, course.keep(s, (new, m), alike[0], alike[1], most)

@@ -255,7 +255,7 @@ def give_way(
     """
     before, command, grown = forces
     usual = 0.5 * (q[stem_number.S] + q[stem_number.J]) * grown
-    for i in range(span[0], span[1]):
+    for i in range(span[0], span[1] if q[stem_number.GIVES] > 0.0 else span[0]):
         place, level = s[X + i] + s[PUSHED + i], usual + s[FRICTION + i]
         way = given_way(before - place, command - place, level, q[stem_number.GIVES])
         s[CREEPS + i] = crept + way

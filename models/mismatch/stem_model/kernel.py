@@ -291,28 +291,20 @@ def _rise(s: Floats, resting: NDArray[np.int64], breakaway: Floats) -> None:
 
 @never_raises
 def _give_way(
-    s: Floats, numbers: Floats, giving: NDArray[np.int64], forces: Floats, o: np.uint64, dt: float
+    s: Floats, numbers: Floats, sample: tuple[float, int, np.uint64], forces: Floats
 ) -> None:
-    """Set how far the stems of some lanes creep in this sample, if they rest: by what they give way
-    to the change of the force, and by what they creep anyhow.
+    """Set how far the stems that give way creep in this sample, if they rest: by what the change of
+    the force makes them give, and by what they creep anyhow. ``sample`` as in ``look_up``.
     """
-    for j in range(giving.size):
-        lane = giving[j]
+    dt, _, o = sample
+    for lane in range(numbers.shape[0]):
         i, q = np.uint64(lane), numbers[lane]
+        if q[stem_number.GIVES] == 0.0:
+            continue
         before, force = s[row.FORCE_AFTER + i], forces[o + i] - s[row.X + i] - s[row.FORCE + i]
         level = s[row.FS_UP + i] if force > before else s[row.FS_DOWN + i]
         way = given_way(before, force, level, q[stem_number.GIVES])
         s[row.CREEP + i] = q[stem_number.CREEP] * dt + way
-
-
-@never_raises
-def _strained(s: Floats, giving: NDArray[np.int64], forces: Floats, o: int, mark: int) -> None:
-    """At a mark, where stems are set to their readings: the stems of some lanes have given way to
-    the force that they are under.
-    """
-    for j in range(giving.size if mark != 0 else 0):
-        i = np.uint64(giving[j])
-        s[row.FORCE_AFTER + i] = forces[np.uint64(o) + i] - s[row.X + i] - s[row.FORCE + i]
 
 
 @never_raises
@@ -462,6 +454,8 @@ def _wander_and_rest(
         s[row.RESTED + i] = 0.0 if start else s[row.RESTED + i]
         if start and q[stem_number.HYSTERESIS] != 0.0:
             anchor(s, i, q[stem_number.WAY], z, (laid_out[lane] - z) / band)
+        if q[stem_number.GIVES] != 0.0:  # it has given way to the force that it is under
+            s[row.FORCE_AFTER + i] = laid_out[lane] - s[row.X + i] - s[row.FORCE + i]
 
 
 @never_raises
@@ -531,7 +525,6 @@ def follow(
     varied, timed, heavy = used(numbers)
     slides, varies = alike(numbers), varied or timed or drifts(numbers)
     tables_of = placed, rested, waving = _tabled(numbers)
-    giving = _lanes_with(numbers, stem_number.GIVES)
     weighty = numbers[: m if heavy else 0]
     losses[:], early_late[:, : 0 if window > 0.0 else n] = 0.0, 0.0
     all_lanes, k, current, full = np.uint64(lanes), _I(0), _I(-1), _I(0)
@@ -545,7 +538,6 @@ def follow(
         if timed or mark != 0:
             seen = mv[k], mv[k - 1], int(mark)
             _wander_and_rest(s, numbers, tables, seen, k, t, laid_out[o:])
-            _strained(s, giving, laid_out, o, int(mark))
         if mark == _START:
             full += _start(s, m, t, (mv[k], slack[k], charged), laid_out[o:])
             early_late[:, k : k + 1] = 0.0
@@ -570,7 +562,7 @@ def follow(
                 look_up(s, numbers, placed, friction, pushing, sample, row.MOVING, near, laid_out)
                 _rise(s, rested, breakaway)
                 _set_levels(s, all_lanes, k)
-                _give_way(s, numbers, giving, laid_out, np.uint64(k % AHEAD * lanes), dt)
+                _give_way(s, numbers, sample, laid_out)
             if timed:
                 _wander(s, waving, wander, k)
             _move_heavy(s, weighty, laid_out[o:], near_onset, dt)
@@ -578,7 +570,7 @@ def follow(
             k, charged_more = move(s, laid_out, all_lanes, near_onset, mv, slack, charged, k, stop)
         full += charged_more
         _after_heavy(s, weighty)
-        costs = scatter, event, scale
-        _charge_onsets(s, before, (up, down), costs, started_at, b, losses, early_late)
+        _charge_onsets(s, before, (up, down), (scatter, event, scale), started_at, b, losses,
+            early_late)  # fmt: skip
     settle_losses(s, lanes, current, 0.0, scale, losses)
     keep_readings(laid_out, n, lanes, out)
