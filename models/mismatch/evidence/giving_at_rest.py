@@ -1,9 +1,9 @@
 """Whether the stem gives way to its command while it rests, as told before any search.
 
 Within a rest of the fitted stem the force on it, ``f = OP - x``, would move a packing that gives
-by ``c W``, ``W`` the way of LuGre's bristles (``stem_model.presliding``, doi:10.1109/9.376053) added
-up over the changes of the force. ``c`` is the slope of the reading on ``W``, each rest about its
-own means; its error is that of the rests, taken as independent:
+by ``c W``, ``W`` the way of LuGre's bristles (``stem_model.presliding``, doi:10.1109/9.376053)
+added up over the changes of the force. ``c`` is the slope of the reading on ``W``, each rest about
+its own means; its error is that of the rests, taken as independent:
 
     c = sum_i (W_i . y_i) / sum_i (W_i . W_i),   se^2 = sum_i (W_i . y_i - c W_i . W_i)^2 / (...)^2.
 

@@ -417,6 +417,15 @@ def _end_of_alike(
 
 
 @never_raises
+def _strained(s: Floats, numbers: Floats, forces: Floats) -> None:
+    """At a mark: stems that give way have done so to the force that they are under."""
+    for lane in range(numbers.shape[0]):
+        i = np.uint64(lane)
+        if numbers[lane, stem_number.GIVES] != 0.0:
+            s[row.FORCE_AFTER + i] = forces[lane] - s[row.X + i] - s[row.FORCE + i]
+
+
+@never_raises
 def _wander_and_rest(
     s: Floats,
     numbers: Floats,
@@ -454,8 +463,8 @@ def _wander_and_rest(
         s[row.RESTED + i] = 0.0 if start else s[row.RESTED + i]
         if start and q[stem_number.HYSTERESIS] != 0.0:
             anchor(s, i, q[stem_number.WAY], z, (laid_out[lane] - z) / band)
-        if q[stem_number.GIVES] != 0.0:  # it has given way to the force that it is under
-            s[row.FORCE_AFTER + i] = laid_out[lane] - s[row.X + i] - s[row.FORCE + i]
+    if mark != 0:
+        _strained(s, numbers, laid_out)
 
 
 @never_raises
@@ -548,7 +557,7 @@ def follow(
         end = _end_of_alike(k, last, marks, block, next_up[k], next_down[k], patience)
         near_onset = _near_onsets(next_up[k], next_down[k], k, n, window, patience)
         _note(s, m, before)
-        started_at, charged_more = k, _I(0)
+        begun, charged_more = k, _I(0)
         if slides and not (up or down):
             if varies:
                 k = _slide_varied(s, laid_out, all_lanes, near_onset, (mv, slack), charged,
@@ -570,7 +579,6 @@ def follow(
             k, charged_more = move(s, laid_out, all_lanes, near_onset, mv, slack, charged, k, stop)
         full += charged_more
         _after_heavy(s, weighty)
-        _charge_onsets(s, before, (up, down), (scatter, event, scale), started_at, b, losses,
-            early_late)  # fmt: skip
+        _charge_onsets(s, before, (up, down), (scatter, event, scale), begun, b, losses, early_late)
     settle_losses(s, lanes, current, 0.0, scale, losses)
     keep_readings(laid_out, n, lanes, out)
