@@ -29,8 +29,9 @@ from stemwatch.models.oscillation_groups.sources import (
 from stemwatch.models.recording import Floats, Recording, Role
 
 LONGEST = 8640  # samples of a loop that are kept: a day at 10 s
-# Samples that two loops must have in common: two hours at 10 s, the shortest records on which it
-# was counted that unrelated loops make no group. In minutes they do.
+# Samples that two loops must have in common: two hours at 10 s, from which on none of 80 sets of
+# unrelated loops makes a group (``python -m tests.benchmarks.bench_short_groups``: 2 do at 480).
+# At 1 s, where a record holds fewer swings, 3 of 20 still do, and none at 1,440.
 FEWEST = 720
 WINDOWS = 24  # of the record, for each of which the strength is given
 BANDS = 60  # of the heat map

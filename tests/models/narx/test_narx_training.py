@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import example as for_example
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -256,6 +257,7 @@ def test_an_empty_batch_is_no_fits() -> None:
 
 LENGTH = 700
 odd_numbers = st.floats() | st.sampled_from([0.0, 50.0, 1e-300, 1e300, -1e14])
+USUAL = (10.0, 10.0)
 waves = st.floats(0, 30) | st.sampled_from([0.0, 1e-13, 1e14, 1e200])
 
 
@@ -269,13 +271,14 @@ waves = st.floats(0, 30) | st.sampled_from([0.0, 1e-13, 1e14, 1e200])
     waves=st.tuples(waves, waves),
     period=st.floats(0.5, 500),
 )
+@for_example(odd=[], train_until=400, waves=USUAL, period=30.0)
 def test_whatever_the_numbers_are_there_is_a_finite_answer_or_a_reason(
     odd: list[tuple[str, int, float]],
     train_until: int,
     waves: tuple[float, float],
     period: float,
 ) -> None:
-    """No input raises, and no score is ever infinite or not a number."""
+    """No input raises, and no score is ever infinite or not a number; usual ones have a score."""
     t = np.arange(LENGTH)
     signals = {
         name: 50 + wave * np.sin((t - lag) / period)
@@ -293,6 +296,7 @@ def test_whatever_the_numbers_are_there_is_a_finite_answer_or_a_reason(
     fit = train([case], NarxSettings(seeds=2, steps=(2, 1, 1)))[0]
     if fit.heldout is None:
         assert fit.reason
+        assert odd or waves != USUAL or train_until > 400 or period != 30.0
     else:
         heldout = fit.heldout
         assert np.isfinite([heldout.rmse, heldout.one_step_rmse, heldout.normalised]).all()

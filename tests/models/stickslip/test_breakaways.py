@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from stemwatch.models.recording import Role, Signal
@@ -28,6 +28,7 @@ from stemwatch.models.studies.simulator import draw_healthy, draw_sticky, simula
 from stemwatch.models.studies.simulator.defects import PackingDefects
 from stemwatch.models.studies.simulator.hidden import draw_nulls
 from stemwatch.service.studies.robustness import draw_valves, recorded
+from tests.models.stick_slip_element import stick_slip
 
 SCATTER = 0.12
 
@@ -261,26 +262,36 @@ def test_slips_correct_an_estimated_curve(degree, wrong):
 @given(
     degree=st.sampled_from([0, 1, 3]),
     seed=st.integers(0, 2**32 - 1),
-    samples=st.integers(30, 400),
-    S=st.floats(0.0, 20.0),
-    J=st.floats(0.0, 20.0),
-    step=st.sampled_from([0.0, 0.5, 10.0]),
+    samples=st.integers(30, 800),
+    fitted=st.just((4.0, 2.0)) | st.tuples(st.floats(0.0, 20.0), st.floats(0.0, 20.0)),
+    moves=st.sampled_from(["with OP", "in small steps", "in large steps", "in slips"]),
 )
-def test_any_record_gives_finite_numbers_or_none(degree, seed, samples, S, J, step):
-    """Whatever moves, the answer is finite numbers or none."""
+@example(degree=0, seed=0, samples=800, fitted=(4.0, 2.0), moves="in slips")
+def test_any_record_gives_finite_numbers_or_none(degree, seed, samples, fitted, moves):
+    """Whatever moves, the answer is finite numbers or none; where the stem slips as the fit says,
+    numbers."""
     rng = np.random.default_rng(seed)
     op = 50.0 + np.cumsum(rng.normal(0.0, 0.5, samples))
-    mv = op + rng.normal(0.0, 0.2, samples) if step == 0.0 else step * np.round(op / step)
+    if moves == "in slips":
+        op = 50.0 + 20.0 * np.sin(0.1 * np.arange(samples))
+        mv = stick_slip(op, 4.0, 2.0) + rng.normal(0.0, 0.02, samples)
+    elif moves == "with OP":
+        mv = op + rng.normal(0.0, 0.2, samples)
+    else:
+        step = 0.5 if moves == "in small steps" else 10.0
+        mv = step * np.round(op / step)
     recording = replace(
         sticking(0)[1],
         signals={Role.OP: Signal.good(op, "OP"), Role.MV: Signal.good(mv, "MV")},
     )
     problem = replace(make_problem(recording), unsure_degree=degree)
-    result = breakaways(problem, 1.0, 0.0, S, J)
+    result = breakaways(problem, 1.0, 0.0, *fitted)
     if result is not None:
         drawn = result.draws(50, rng)
         assert np.isfinite((result.S, result.J, result.scatter)).all()
         assert np.isfinite(drawn).all()
+    else:
+        assert (moves, samples, fitted) != ("in slips", 800, (4.0, 2.0))
 
 
 def test_values_of_one_direction_in_two_groups_are_kept():
