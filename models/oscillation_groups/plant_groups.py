@@ -29,10 +29,11 @@ from stemwatch.models.oscillation_groups.sources import (
 from stemwatch.models.recording import Floats, Recording, Role
 
 LONGEST = 8640  # samples of a loop that are kept: a day at 10 s
-# Samples that two loops must have in common: two hours at 10 s, from which on none of 80 sets of
-# unrelated loops makes a group (``python -m tests.benchmarks.bench_short_groups``: 2 do at 480).
-# At 1 s, where a record holds fewer swings, 3 of 20 still do, and none at 1,440.
-FEWEST = 720
+# What loops must have in common, or unrelated ones look alike: two hours at 10 s, from which on
+# none of 80 sets of unrelated loops makes a group (2 do at 480 samples); at 1 s, where a record
+# holds fewer swings, 3 of 20 sets do in twelve minutes and none in twenty-four
+# (``python -m tests.benchmarks.bench_short_groups``).
+FEWEST, SHORTEST_S = 720, 1440.0
 WINDOWS = 24  # of the record, for each of which the strength is given
 BANDS = 60  # of the heat map
 _OVERLAP = 0.5  # of the shorter window, that loops were recorded together
@@ -119,12 +120,16 @@ class OscillationGroup:
         return float(np.mean([member.share for member in self.members]))
 
 
+def _are_enough(samples: int, interval_s: float) -> bool:
+    return samples >= FEWEST and samples * interval_s >= SHORTEST_S
+
+
 def thinned_loop(
     recording: Recording, sticks: bool | None = None, score: float | None = None
 ) -> ThinnedLoop | None:
     """The signals of a recording for the search; ``None`` without PV or with too few samples."""
     pv, sp = recording.get(Role.PV), recording.get(Role.SP)
-    if pv is None or len(recording) < FEWEST:
+    if pv is None or not _are_enough(len(recording), recording.interval_s):
         return None
     stride = -(-len(recording) // LONGEST)
     same_unit = sp is not None and sp.unit == pv.unit
@@ -210,7 +215,7 @@ def _groups_of(
             values = values if values.size else np.full(recorded_loop.pv.size, np.nan, np.float32)
             rows[name].append(_on_clock(values, recorded_loop, start, interval_s))
     size = min(row.size for row in rows["pv"])
-    if size < FEWEST:
+    if not _are_enough(size, interval_s):
         return []
     # One signal after the other: of a thousand loops each takes tens of MB, its spectra twice that.
     outputs = loop_spectra(np.array([row[:size] for row in rows.pop("op")]), interval_s)
