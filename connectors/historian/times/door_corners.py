@@ -43,6 +43,7 @@ WHOLE, OFF = 0.95, 0.05  # share of the waits that are whole scans, to this shar
 FEWEST = 20  # points
 FEWEST_BENDS, FEWEST_FOR_DEVIATION = 40, 10
 SMALLEST, OF_USUAL = 5.0, 0.3  # percentile of these bends, as a share of their median at least
+OF_CLOSE, OF_TURNING = 1.1, 1.8  # deviations
 FEWEST_JUMPS, MOSTLY = 5, 0.5
 AT_REST = 0.3  # of a jump: what the tag moved until the point before it, at most
 SAMPLES_OF_A_LINE = 10.0
@@ -111,17 +112,22 @@ def lines_interval_ns(times: Timeline) -> float:
 
 
 def door_deviation(column: Column) -> float:
-    """The deviation of the door that kept the corners of ``column``, in its unit, or more.
+    """The deviation d of the door that kept the corners of ``column``, in its unit, about.
 
     A corner with both neighbours one scan away bends by d at least, by 1.5 d where the archive lets
-    the line end within d of the next sample. The 5th percentile of ten such bends is little more.
-    Else the median of all bends, which is 1 to 3.4 times d (10th to 90th percentile of the tags).
+    the line end within d of the next sample, and the 5th percentile of ten such bends by little
+    more. Else by the median of the bends that turn the other way than both beside them, which is
+    about 2 d in the middle of the tags, and 0.6 to 6 d in nine of ten.
     """
     ns, values = _points(column)
     bends, close = _bends(ns, values, scan_ns(column.times) or 0.0)
     if np.count_nonzero(close) >= FEWEST_FOR_DEVIATION:
-        return float(np.percentile(bends[close], SMALLEST))
-    return float(np.median(bends))
+        return float(np.percentile(np.abs(bends[close]), SMALLEST)) / OF_CLOSE
+    to_and_fro = np.zeros(bends.size, dtype=bool)
+    turns = bends[1:] * bends[:-1] < 0.0
+    to_and_fro[1:-1] = turns[1:] & turns[:-1]
+    chosen = to_and_fro if np.count_nonzero(to_and_fro) >= FEWEST_FOR_DEVIATION else bends != 0.0
+    return float(np.median(np.abs(bends[chosen]))) / OF_TURNING
 
 
 def _distinct(column: Column) -> int:
@@ -137,13 +143,13 @@ def _points(column: Column) -> tuple[Floats, Floats]:
 
 
 def _bends(ns: Floats, values: Floats, scan: float) -> tuple[Floats, Bools]:
-    """(n - 2,) how far each inner point lies off the line between its neighbours, and whether both
-    are one scan away."""
+    """(n - 2,) by how much each inner point lies above the line between its neighbours, and whether
+    both are one scan away."""
     waits = np.diff(ns)
     before, after = waits[:-1], waits[1:]
     line = values[:-2] + before / (before + after) * (values[2:] - values[:-2])
     close = np.maximum(before, after) <= (1.0 + OFF) * scan
-    return np.abs(values[1:-1] - line), close
+    return values[1:-1] - line, close
 
 
 def _bends_or_jumps(column: Column) -> bool | None:
@@ -153,7 +159,7 @@ def _bends_or_jumps(column: Column) -> bool | None:
     ns, values = _points(column)
     bends, close = _bends(ns, values, scan)
     if np.count_nonzero(close) >= FEWEST_BENDS:
-        smallest, usual = np.percentile(bends[close], (SMALLEST, 50.0))
+        smallest, usual = np.percentile(np.abs(bends[close]), (SMALLEST, 50.0))
         return bool(smallest >= OF_USUAL * usual > 0.0)
     moves, waits = np.abs(np.diff(values)), np.diff(ns)
     jumps = (
