@@ -270,7 +270,7 @@ def _drawn_signal(
     on_grid = lay_lines(column, grid, stored)
     notes.append(on_grid.decision)
     values, quality, unit = _scaled(role, column, mapping, on_grid, notes)
-    deviation = door_deviation(column)
+    deviation = door_deviation(column) if mapping.deviation is None else mapping.deviation
     if mapping.low is not None and mapping.high is not None:
         deviation *= 100.0 / abs(mapping.high - mapping.low)
     return Signal(

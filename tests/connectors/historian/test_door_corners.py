@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from stemwatch.connectors.connector import TagMapping, ValveTags
 from stemwatch.connectors.historian.columns import Column, finished
+from stemwatch.connectors.historian.proposed_plant import ProposedSource, plant_toml
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.source_clock import lay_lines, make_grid
 from stemwatch.connectors.historian.times.door_corners import (
@@ -160,7 +161,7 @@ def reported(values: np.ndarray, deviation: float) -> np.ndarray:
 
 def test_an_export_of_corners_is_read_by_lines(open_text) -> None:
     """The values are within the deviation, which the signals keep; where the archive was down,
-    nothing is known."""
+    nothing is known. A deviation that the plant states is the one."""
     deviation, true = 0.3, signals(3, 0.3)
     rows: list[tuple[int, str]] = []
     for role, values in true.items():
@@ -169,7 +170,11 @@ def test_an_export_of_corners_is_read_by_lines(open_text) -> None:
             if not 4000 <= place < 7000:
                 rows.append((place, f"{TAGS[role]},{stamp},{values[place]:.4f}\n"))
     text = "Tag,Time,Value\n" + "".join(row for _, row in sorted(rows, key=lambda row: row[0]))
-    recording = open_text(text).read(VALVE)
+    opened = open_text(text)
+    recording = opened.read(VALVE)
+    stated = TagMapping(tag="A.ZT", low=0.0, high=50.0, deviation=0.3)
+    told = opened.read(replace(VALVE, tags={**VALVE.tags, Role.MV: stated}))
+    assert told.signals[Role.MV].deviation == pytest.approx(0.6)
     at = np.round(np.arange(len(recording)) * recording.interval_s).astype(int)
     down = (at > 4200) & (at < 6800)
     for role in (Role.OP, Role.MV):
@@ -180,3 +185,5 @@ def test_an_export_of_corners_is_read_by_lines(open_text) -> None:
         assert np.abs(signal.values - true[role][at])[good].max() <= deviation + 1e-4
     assert recording.usable[~down].mean() > 0.9
     assert any("corners of a swinging door" in said for said in recording.provenance.decisions)
+    proposal = plant_toml([ProposedSource("h", "loop.csv", (opened.inspect(),))])
+    assert "# deviation = 0.1" in proposal  # asked where the tag comes by exception
