@@ -35,7 +35,7 @@ from stemwatch.connectors.historian.times.timeline import Timeline
 from stemwatch.models.recording import Bools, Floats, Quality, Role
 from stemwatch.models.signals.forensics import quantum
 
-# `python tests/benchmarks/bench_deviation_reports.py` counts what these tell.
+# `python tests/benchmarks/bench_door_corners.py` counts what these tell.
 UNEVEN, UNLIKE = 0.2, 0.2  # share of waits that differ from the usual one, by this share of it
 FINER = 3.0  # scans from point to point, usually, at least
 SCANS_S = (10.0, 5.0, 2.0, 1.0, 0.5, 0.25, 0.2, 0.1)  # of controllers and gateways
@@ -117,7 +117,7 @@ def door_deviation(column: Column) -> float:
     A corner with both neighbours one scan away bends by d at least, by 1.5 d where the archive lets
     the line end within d of the next sample, and the 5th percentile of ten such bends by little
     more. Else by the median of the bends that turn the other way than both beside them, which is
-    about 2 d in the middle of the tags, and 0.6 to 6 d in nine of ten.
+    about 2 d in the middle of the tags, and 0.6 to 6 d in eight of ten.
     """
     ns, values = _points(column)
     bends, close = _bends(ns, values, scan_ns(column.times) or 0.0)
