@@ -43,13 +43,15 @@ class TagMapping:
     """One tag of a valve: where the signal is, and what turns it into percent.
 
     ``low`` and ``high`` are the engineering values at 0 % and 100 %; without them the values are
-    taken as they are, as percent where ``unit`` is ``%`` or empty.
+    taken as they are, as percent where ``unit`` is ``%`` or empty. ``deviation`` is that of the
+    archive's compression (swinging door), in the tag's unit, where the plant states it.
     """
 
     tag: str
     unit: str = ""
     low: float | None = None
     high: float | None = None
+    deviation: float | None = None
 
     @property
     def scales(self) -> bool:

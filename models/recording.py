@@ -1,7 +1,8 @@
 """``Recording``: one valve's signals on one clock. The rest of the code never sees files.
 
 Every signal is a pair of arrays of the same length: ``values`` (NaN wherever there is no good
-value) and ``quality`` (why). Nothing is interpolated; a gap in the source is a gap here.
+value) and ``quality`` (why). A gap in the source is a gap here; nothing is interpolated but the
+lines of an archive that stored their ends alone (``Signal.deviation``).
 """
 
 from __future__ import annotations
@@ -66,7 +67,9 @@ class Signal:
     ``Quality``. ``unit`` is ``%`` when the values are percent of span or of travel. ``interval_s``
     is the signal's own rate of change in the source where that is slower than the clock's.
     ``scaled`` is set where the plant stated the values at 0 and 100 %, which then hold. ``range``
-    has the engineering values behind the percent, where the plant file gives them.
+    has the engineering values behind the percent, where the plant file gives them. ``deviation``
+    is set where only the corners of a swinging door were stored: ``values`` are on the lines
+    between them, and the signal lay within so much of these, in its unit.
     """
 
     values: Floats
@@ -76,6 +79,7 @@ class Signal:
     interval_s: float | None = None
     range: ProcessRange | None = None
     scaled: bool = False
+    deviation: float | None = None
 
     def __post_init__(self) -> None:
         values = np.ascontiguousarray(self.values, dtype=np.float64)
@@ -110,7 +114,10 @@ class Signal:
             return self
         low, high = self.range.low, self.range.high
         values = low + self.values / 100.0 * (high - low)
-        return replace(self, values=values, unit=self.range.unit, range=None)
+        deviation = self.deviation
+        if deviation is not None:
+            deviation *= abs(high - low) / 100.0
+        return replace(self, values=values, unit=self.range.unit, range=None, deviation=deviation)
 
     @cached_property
     def usable(self) -> Bools:

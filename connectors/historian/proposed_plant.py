@@ -41,6 +41,7 @@ class ProposedTag:
     low: float | None = None
     high: float | None = None
     range_known: bool = False
+    compressed: bool = False  # stored as points between which lines or rests are left out
 
     @classmethod
     def inspected(cls, seen: TagInspection) -> ProposedTag:
@@ -54,6 +55,7 @@ class ProposedTag:
             remark=seen.remark,
             low=seen.low,
             high=seen.high,
+            compressed=seen.compressed,
         )
 
     @classmethod
@@ -167,7 +169,9 @@ def _wider(first: ProposedTag, other: ProposedTag) -> ProposedTag:
     lows = [low for low in (first.low, other.low) if low is not None]
     highs = [high for high in (first.high, other.high) if high is not None]
     role = first.role or other.role
-    return replace(first, low=min(lows, default=None), high=max(highs, default=None), role=role)
+    compressed = first.compressed or other.compressed
+    low, high = min(lows, default=None), max(highs, default=None)
+    return replace(first, low=low, high=high, role=role, compressed=compressed)
 
 
 def _zone_line(inspections: Sequence[Inspection]) -> str:
@@ -209,6 +213,13 @@ def _valve_lines(tags: Sequence[ProposedTag], valve: str, source: str, curve: st
 
 
 def _tag_lines(role: Role, tag: ProposedTag) -> list[str]:
+    lines = _named_lines(role, tag)
+    if role in (Role.OP, Role.MV) and tag.compressed:
+        lines.append("# deviation = 0.1   # of the archive's compression, in the tag's unit?")
+    return lines
+
+
+def _named_lines(role: Role, tag: ProposedTag) -> list[str]:
     lines = [f"[valves.tags.{role.value}]", f"tag = {toml_value(tag.tag)}"]
     if role is Role.MODE:
         return lines

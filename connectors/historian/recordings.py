@@ -24,8 +24,14 @@ from stemwatch.connectors.historian.source_clock import (
     Grid,
     clock_facts,
     lay_column,
+    lay_lines,
     make_grid,
     times_stored,
+)
+from stemwatch.connectors.historian.times.door_corners import (
+    door_deviation,
+    find_corners,
+    lines_interval_ns,
 )
 from stemwatch.connectors.historian.times.epoch import EPOCH, ns_of
 from stemwatch.connectors.historian.times.time_fields import Ints
@@ -105,13 +111,22 @@ def assemble(opened: SampleSource, valve: ValveTags, window: Window) -> Recordin
     )
     _check_samples(opened, columns[Role.OP])
     op = columns[Role.OP]
-    grid = make_grid(_clock(op), op.tag, opened.source_name, _window_ns(opened, window))
+    corners = find_corners(columns)
+    grid = make_grid(
+        op.times if corners else _clock(op),
+        op.tag,
+        opened.source_name,
+        _window_ns(opened, window),
+        step_ns=lines_interval_ns(op.times) if corners else None,
+    )
     if grid.size == 0:
         raise NothingInWindow(_outside_window(opened, op, window))
     notes: list[str] = []
     stored = times_stored(columns.values())
     signals = {
-        role: _signal(role, column, valve.tags[role], grid, stored, notes)
+        role: _drawn_signal(role, column, valve.tags[role], grid, stored, notes)
+        if role in corners
+        else _signal(role, column, valve.tags[role], grid, stored, notes)
         for role, column in columns.items()
     }
     _remark_same_values(signals, notes)
@@ -245,6 +260,27 @@ def _signal(
         interval_s=own_spacing_s,
         range=mapping.process_range(column.unit),
         scaled=mapping.scales,
+    )
+
+
+def _drawn_signal(
+    role: Role, column: Column, mapping: TagMapping, grid: Grid, stored: Ints, notes: list[str]
+) -> Signal:
+    """The lines between the corners of ``column``, with the deviation that they leave open."""
+    on_grid = lay_lines(column, grid, stored)
+    notes.append(on_grid.decision)
+    values, quality, unit = _scaled(role, column, mapping, on_grid, notes)
+    deviation = door_deviation(column) if mapping.deviation is None else mapping.deviation
+    if mapping.low is not None and mapping.high is not None:
+        deviation *= 100.0 / abs(mapping.high - mapping.low)
+    return Signal(
+        values=values,
+        quality=quality,
+        tag=column.tag,
+        unit=unit,
+        range=mapping.process_range(column.unit),
+        scaled=mapping.scales,
+        deviation=deviation,
     )
 
 

@@ -1,8 +1,9 @@
 """The source's clock: its properties, and the even grid on which the samples are placed.
 
-A sample goes to the grid's nearest instant and keeps its value; nothing is interpolated. Instants
-without a sample are MISSING. Of a tag that is reported when it has moved by a deviation the last
-value is good until the next, unless the archive stored nothing at all.
+A sample goes to the grid's nearest instant and keeps its value. Instants without a sample are
+MISSING. Of a tag that is reported when it has moved by a deviation the last value is good until the
+next, unless the archive stored nothing at all; of one of which the corners of a swinging door are
+stored, the line from each to the next. Nothing else is interpolated.
 """
 
 from __future__ import annotations
@@ -99,17 +100,22 @@ def _round_125(value: float) -> float:
 
 
 def make_grid(
-    times: Timeline, tag: str, source: str, window_ns: tuple[int | None, int | None]
+    times: Timeline,
+    tag: str,
+    source: str,
+    window_ns: tuple[int | None, int | None],
+    *,
+    step_ns: float | None = None,
 ) -> Grid:
-    """The even grid of ``times``, cut to the window. Raises ``ConnectorError`` where there is
-    none."""
+    """The even grid of ``times``, cut to the window; ``step_ns`` where the interval is not theirs.
+    Raises ``ConnectorError`` where there is none."""
     distinct = times.distinct
     if distinct.size < 2:
         raise ConnectorError(
             f"{source}: {tag}: {distinct.size} samples; at least two at different times are "
             "needed to tell the interval"
         )
-    step = interval_ns(times)
+    step = interval_ns(times) if step_ns is None else step_ns
     origin, end = int(distinct[0]), int(distinct[-1])
     last = int(np.floor((end - origin) / step + 0.5))
     start_ns, stop_ns = window_ns
@@ -162,6 +168,33 @@ def lay_column(
     if not exception and (is_clock or own_step_ns <= 1.1 * grid.interval_ns):
         return _lay_nearest(column, grid)
     return _lay_held(column, grid, own_step_ns, exception)
+
+
+def lay_lines(column: Column, grid: Grid, stored: Ints) -> ColumnOnGrid:
+    """The lines between the corners of a swinging door, within whose deviation ``column`` lay. A
+    bad corner leaves out the lines on both sides. MISSING before the first and after the last, and
+    where the archive stored nothing of the valve (``stored``) for long."""
+    instants = grid.instants
+    assert column.times.usual_step is not None  # of a tag whose steps are uneven
+    limit = _hold_limit(column.times, column.times.usual_step, exception=True)
+    limit = max(limit, heartbeat_ns(column.times))
+    last_of_time = np.append(column.ns[1:] > column.ns[:-1], True)
+    ns, values = column.ns[last_of_time], column.values[last_of_time]
+    quality = column.quality[last_of_time]
+    after = np.clip(np.searchsorted(ns, instants, side="left"), 0, ns.size - 1)
+    before = np.where(ns[after] == instants, after, np.maximum(after - 1, 0))
+    within = (ns[before] <= instants) & (instants <= ns[after])
+    wait = np.maximum(ns[after] - ns[before], 1)
+    share = (instants - ns[before]) / wait
+    on_line = values[before] + share * (values[after] - values[before])
+    known = within & ~silent(stored, instants, limit)
+    worse = np.maximum(quality[before], quality[after])
+    on_grid = np.where(known, worse, Quality.MISSING).astype(np.uint8)
+    decision = (
+        f"{column.tag} holds the corners of a swinging door: lines are drawn from each to the "
+        f"next, except where nothing of this valve was stored for {limit / 1e9:g} s."
+    )
+    return ColumnOnGrid(np.where(on_grid <= Quality.HELD, on_line, np.nan), on_grid, decision)
 
 
 @dataclass(frozen=True)

@@ -131,7 +131,11 @@ def assess(recording: Recording, limits: Limits) -> Assessment:
     unmasked = recording
     if not obstacles:
         recording = without_frozen(recording, after_the_first(runs, len(recording)))
-        obstacles += record_obstacles(frozen, drawn_share, limits) or foreign_obstacles(
+        # Of lines whose deviation is known it is known, too, what they hide.
+        hidden_share = (
+            drawn_share if recording.mv is None or recording.mv.deviation is None else 0.0
+        )
+        obstacles += record_obstacles(frozen, hidden_share, limits) or foreign_obstacles(
             without_stop(recording, stop)
         )
     # Frozen samples are reported as frozen, and not a second time as missing.

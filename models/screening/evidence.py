@@ -14,6 +14,7 @@ from stemwatch.models.decision.residual import BaselineComparison
 from stemwatch.models.decision.shaken_loose import is_sure, may_be_shaken
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.mismatch.measurement.between_samples import ArchiveKind
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.record_checks.on_a_stop import Stop
 from stemwatch.models.record_checks.own_swing import OwnSwing, own_swing
@@ -94,7 +95,11 @@ def _wander(fitted: FittedRecording, mismatch: Mismatch | None) -> Wander | None
     """The wander of the position reading, where nothing was named that may look so."""
     if mismatch is not None and mismatch.effects:
         return None
-    return find_wander(fitted.assessment.recording)
+    wander, archive = find_wander(fitted.assessment.recording), fitted.archive
+    if wander is None or archive is None or archive.kind is not ArchiveKind.LINES:
+        return wander
+    # OP and position may each lie a deviation above their lines, and a deviation below.
+    return wander if wander.percent > 4.0 * archive.deviation else None
 
 
 def _stop(fitted: FittedRecording, mismatch: Mismatch | None) -> Stop | None:

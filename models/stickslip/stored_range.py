@@ -61,7 +61,10 @@ class StoredRange:
     def read(self, signal: Signal) -> Signal:
         """``signal`` in percent: 100 (value - low) / (high - low)."""
         percent = 100.0 * (signal.values - self.low) / (self.high - self.low)
-        return replace(signal, values=percent, unit=PERCENT)
+        deviation = signal.deviation
+        if deviation is not None:
+            deviation *= abs(self.times)
+        return replace(signal, values=percent, unit=PERCENT, deviation=deviation)
 
     @property
     def times(self) -> float:

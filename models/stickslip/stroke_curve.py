@@ -282,7 +282,9 @@ def with_command(recording: Recording, command: Floats, mv_unit: str | None = No
     """``recording`` with ``command`` (n,) in place of OP's values."""
     signals = dict(recording.signals)
     op = signals[Role.OP]
-    signals[Role.OP] = Signal(command, op.quality, op.tag, op.unit, op.interval_s)
+    signals[Role.OP] = Signal(
+        command, op.quality, op.tag, op.unit, op.interval_s, deviation=op.deviation
+    )
     if mv_unit is not None:
         signals[Role.MV] = replace(signals[Role.MV], unit=mv_unit)
     return replace(recording, signals=signals)

@@ -103,7 +103,7 @@ class Plant:
             "sources": [
                 source.model_dump(exclude={"kind"}) for _, source in sorted(self.sources.items())
             ],
-            "valves": {valve.id: _verdict_settings(valve) for valve in self.valves.values()},
+            "valves": {valve.id: verdict_settings(valve) for valve in self.valves.values()},
             **self._archive_settings(),
             **(
                 {"devices": {name: repr(device) for name, device in sorted(self.devices.items())}}
@@ -131,12 +131,19 @@ class Plant:
 
 
 def _mapping(tag: Tag) -> TagMapping:
-    return TagMapping(tag=tag.tag, unit=tag.unit, low=tag.low, high=tag.high)
+    return TagMapping(
+        tag=tag.tag, unit=tag.unit, low=tag.low, high=tag.high, deviation=tag.deviation
+    )
 
 
-def _verdict_settings(valve: Valve) -> dict[str, Any]:
+def verdict_settings(valve: Valve) -> dict[str, Any]:
+    """What of a valve's settings can change its verdict."""
     later = {"stroke_curve", "target_band"}  # left out where not given: keeps earlier digests
+    settings = valve.model_dump(include={"source", "tags"})
+    for tag in filter(None, settings["tags"].values()):
+        if tag["deviation"] is None:  # a later key as well
+            del tag["deviation"]
     return {
-        **valve.model_dump(include={"source", "tags"}),
+        **settings,
         **valve.model_dump(include=later, exclude_none=True),
     }

@@ -118,6 +118,11 @@ class Tag(TomlTable):
     high: float | None = Field(
         default=None, description="the engineering value at 100 %, as a number"
     )
+    deviation: float | None = Field(
+        default=None,
+        gt=0.0,
+        description="the deviation of the archive's compression in the tag's unit, above 0",
+    )
 
     @model_validator(mode="after")
     def _range(self) -> Self:

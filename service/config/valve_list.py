@@ -17,7 +17,7 @@ _OF_MONEY = ("target_band", "price_per_unit_hour", "price_per_hour_off_target", 
 _OF_VALVE = ("id", "description", *LEVELS, "criticality", "source", "stroke", "stroke_curve")
 _LIST = "feeds"  # a cell of several names
 _FACTS = (*_OF_VALVE, _LIST, *_OF_MONEY)
-_NUMBERS = ("low", "high")
+_NUMBERS = ("low", "high", "deviation")
 _TAG_COLUMNS = {
     column: (role.value, key)
     for role in Role

@@ -104,6 +104,10 @@ LEAST_JUMP = 0.3  # percent
 # its peak, on average) and a whole one (the stem's last report lags as much). Reports of 0.5 and 1
 # % of 16 simulated sticking valves lacked 1.1 and 0.8 deviations of S (median), 1.0 and 0.7 of J.
 REPORT_ERROR, REPORT_LACKS = 0.5, 0.75
+# The same of lines between the corners of a swinging door, whose deviation is itself estimated. The
+# intervals hold the S of 37 of 37 (`python tests/benchmarks/bench_door_corners.py`).
+LINES_ERROR = 0.7
+TELLING_DEVIATION = 0.05  # percent, of a swinging door that hides next to nothing
 HIDES = 2.0  # deviations, up to which S may be zero
 # Deviations, up to which S may come from the reports of OP and stem alone. The low end of its
 # interval is then that of the fitted S.
@@ -197,7 +201,8 @@ class Archive:
             return S_of_slips, replace(J_of_slips, low=0.0) if levels.may_slide else J_of_slips
         if self.deviation > 0.0:
             lacks = self._lacks(S.value)
-            error = REPORT_ERROR * self.deviation
+            by_lines = self.kind is ArchiveKind.LINES
+            error = (LINES_ERROR if by_lines else REPORT_ERROR) * self.deviation
             moved = (_moved(S, lacks, error), _moved(J, lacks, error))
             if S.value > MAY_BE_REPORTS * self.deviation:
                 return moved
@@ -238,6 +243,11 @@ class Archive:
     @property
     def reason(self) -> str:
         """Why what the stem did between two samples is not known."""
+        if self.kind is ArchiveKind.LINES and self.deviation > TELLING_DEVIATION:
+            return (
+                f"the archive stored {self.kind} to {self.deviation:.2g} %; exported with a "
+                f"deviation of {TELLING_DEVIATION:g} % it would tell"
+            )
         if self.deviation > 0.0:
             return f"the archive stored {self.kind} to {self.deviation:.2g} %"
         return (
@@ -466,6 +476,9 @@ def _thinned(recording: Recording) -> Archive | None:
     """An archive that stored reports by exception, or drew lines."""
     assert recording.mv is not None
     op, mv = recording.op.values, recording.mv.values
+    if recording.mv.deviation is not None:
+        deviation = max(recording.op.deviation or 0.0, recording.mv.deviation)
+        return Archive(ArchiveKind.LINES, np.inf, deviation, _every_s(recording))
     # A stem that only rests and jumps looks like reports of its own; no controller's output does.
     reports = held_reports(op, mv)
     if reports is not None:

@@ -73,6 +73,8 @@ def measured_record(recording: Recording) -> MeasuredRecord:
     # Samples that an archive interpolated or held show neither freezing nor steps, so compression
     # comes first.
     of_mv = _thinned(mv, op)
+    if of_mv is not None and recording.mv is not None and recording.mv.deviation is not None:
+        of_mv = replace(of_mv, deviation=recording.mv.deviation)
     of_op = drawn_lines(op, mv) if of_mv is not None or _automatic(recording) else None
     stored = of_mv.stored if of_mv is not None else real
     lines = flat_lines(mv, of_mv) if of_mv is not None and not of_mv.held else None

@@ -368,3 +368,11 @@ def test_a_position_that_is_missing_within_the_pieces_counts_as_missing():
     recording = recorded(op=np.where(piece, OP, np.nan), mv=np.where(piece & ~lost, MV, np.nan))
     first = the_obstacle(recording, "bad_samples")
     assert first.reason == "44 % of the samples are missing or marked bad"
+
+
+def test_lines_of_a_known_deviation_are_no_obstacle():
+    """What they hide is known, and S's interval holds it."""
+    door = Compression(role=Role.MV, kind=CompressionKind.SWINGING_DOOR, deviation=1.0)
+    recording = plant(compression=(door,))
+    known = {**recording.signals, Role.MV: replace(recording.signals[Role.MV], deviation=1.0)}
+    assert () == seen(replace(recording, signals=known)).obstacles

@@ -13,6 +13,7 @@ from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Role
 from stemwatch.service.config import Plant, load_plant
+from stemwatch.service.config.plant import verdict_settings
 from stemwatch.service.plant_path import path_of
 
 WHOLE = """\
@@ -211,6 +212,21 @@ def test_the_settings_digest_follows_what_can_change_a_verdict(tmp_path: Path) -
     ):
         changed = WHOLE.replace(before, after).replace("valve_list", "# ")
         assert digest != load(tmp_path, changed).settings_digest, before
+
+
+def test_the_deviation_of_a_tag_changes_the_digest_where_it_is_stated(tmp_path: Path) -> None:
+    """It widens or narrows S; a file without it has the digest that it always had."""
+    text = WHOLE.replace("valve_list", "# valve_list")
+    stated = text.replace('tag = "FIC-101.ZT"', 'tag = "FIC-101.ZT"\ndeviation = 0.1')
+    digests = []
+    for content, deviation in ((text, None), (stated, 0.1)):
+        plant = load(tmp_path, content)
+        assert plant.valve_tags("FIC-101").tags[Role.MV].deviation == deviation
+        settings = verdict_settings(plant.valves["FIC-101"])
+        assert settings["tags"]["mv"].get("deviation") == deviation
+        assert "deviation" not in settings["tags"]["op"]
+        digests.append(plant.settings_digest)
+    assert digests[0] != digests[1]
 
 
 def test_a_file_as_windows_saves_it_is_read(tmp_path: Path) -> None:

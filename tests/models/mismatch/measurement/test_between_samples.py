@@ -25,6 +25,7 @@ from stemwatch.models.stickslip.advantage import Advantage
 from stemwatch.models.stickslip.fit import fit_stickslip
 from stemwatch.models.stickslip.slip_levels import SlipLevels
 from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
+from stemwatch.models.studies.simulator.historian import swinging_door
 from stemwatch.models.verdict import Verdict
 
 S, J = 6.0, 3.0
@@ -236,6 +237,42 @@ def test_an_S_of_some_deviations_may_be_that_of_the_reports(
     error = float(np.hypot(0.2, 0.98))
     assert restored.high == pytest.approx(S + 0.75 + error)
     assert restored.low == pytest.approx(S - error + (0.0 if holds_none_missed else 0.75))
+
+
+@pytest.mark.parametrize(
+    ("S", "door", "verdict"),
+    [(6.0, 0.3, Verdict.STICKY), (0.0, 0.3, Verdict.HEALTHY), (6.0, 5.0, Verdict.UNDETERMINED)],
+)
+def test_lines_leave_S_open_by_their_deviation(S: float, door: float, verdict: Verdict) -> None:
+    """A stem that plainly sticks more than the door hides, or less than matters, gets its verdict;
+    else the reason says what the archive keeps. No interval misses the truth."""
+    plain = cycling(40, width=S or 6.0)
+    assert plain.mv is not None
+    if not S:
+        noise = 0.05 * np.random.default_rng(1).standard_normal(len(plain))
+        plain = recorded(plain.op.values, plain.op.values + noise, 1.0)
+    lines = {
+        role: replace(signal, values=drawn(signal.values, min(door, 1.0)), deviation=door)
+        for role, signal in plain.signals.items()
+    }
+    recording = replace(plain, signals=lines)
+    archive = find_archive(recording)
+    assert archive is not None
+    assert (archive.kind, archive.deviation) == (ArchiveKind.LINES, door)
+    result = screened(recording)
+    assert result.verdict is verdict
+    if verdict is Verdict.UNDETERMINED:
+        assert f"to {door:.2g} %; exported with a deviation of 0.05 %" in result.reason
+    else:
+        assert result.S.low is not None
+        assert result.S.high is not None
+        assert result.S.low <= S <= result.S.high
+
+
+def drawn(values: Floats, deviation: float) -> Floats:
+    """Lines between the samples that a swinging door keeps."""
+    stored = np.flatnonzero(swinging_door(values, deviation))
+    return np.asarray(np.interp(np.arange(values.size), stored, values[stored]))
 
 
 widths = st.floats(0.0, 20.0)
