@@ -6,7 +6,12 @@ from __future__ import annotations
 
 from stemwatch.models.decision.decision import Decision, S_text, percent, share_of
 from stemwatch.models.decision.decision_evidence import DecisionEvidence
-from stemwatch.models.decision.doubts import unless_exchanged, unless_it_wanders, unless_stored_so
+from stemwatch.models.decision.doubts import (
+    in_either_range,
+    unless_exchanged,
+    unless_it_wanders,
+    unless_stored_so,
+)
 from stemwatch.models.decision.no_verdict import (
     FASTER,
     STEPPED,
@@ -78,11 +83,26 @@ def _by_the_stem(evidence: DecisionEvidence, limits: Limits) -> Decision:
             "times worse than in its baseline window."
         )
         return watch(evidence, limits, cause, 0.5)
+    open_above = _open_above(evidence, S, high, limits)
+    return open_above or _moved_otherwise(evidence, limits) or healthy(evidence, limits)
+
+
+def _open_above(
+    evidence: DecisionEvidence, S: float, high: float, limits: Limits
+) -> Decision | None:
+    """What to say where a small S fits best, but one that sticks cannot be excluded; ``None`` where
+    it can.
+    """
+    because, advice = why_wide(evidence)
+    best = f"an S of {percent(S)} fits best"
+    decision = cannot_tell(f"{best}, but {percent(high)} cannot be excluded{because}", advice)
     if high >= limits.sticky_S_percent and not evidence.is_hidden(limits):
-        because, advice = why_wide(evidence)
-        best = f"an S of {percent(S)} fits best"
-        return cannot_tell(f"{best}, but {percent(high)} cannot be excluded{because}", advice)
-    return _moved_otherwise(evidence, limits) or healthy(evidence, limits)
+        return decision
+    stored = evidence.both_in or evidence.op_in
+    # What the archive leaves open may be enough in the other range that OP may be stored in.
+    if evidence.sampling and stored and stored.times * high >= limits.sticky_S_percent:
+        return in_either_range(decision, evidence)
+    return None
 
 
 def _matters(changed: ChangeOfStiction, limits: Limits) -> bool:

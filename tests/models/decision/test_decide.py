@@ -219,6 +219,17 @@ def test_a_healthy_valve_that_may_be_stored_in_milliamperes_is_not_sure(S, doubt
     assert ("low = 4, high = 20" in decision.advice) == doubted
 
 
+def test_what_an_archive_leaves_open_counts_in_milliamperes_too():
+    """S may be 0.5 %, which is healthy, or 3.1 % if 4 to 20 is the range: that cannot be told."""
+    open_to = {"sampling": "the archive stored lines to 0.3 %", "J": 0.0}
+    stored = StoredRange(4.0, 20.0, "mA")
+    decision = decide(evidence(0.1, 0.4, both_in=stored, **open_to), LIMITS)
+    assert decision.verdict is Verdict.UNDETERMINED
+    assert "0.5 % cannot be excluded" in decision.reason
+    assert "stored in mA" in decision.reason
+    assert decide(evidence(0.1, 0.4, **open_to), LIMITS).verdict is Verdict.HEALTHY
+
+
 def test_some_friction_that_may_be_stored_in_milliamperes_is_not_sure():
     """Both stay within 4 to 20: an S of 1 % of percent would be a sticky 6.2 % of milliamperes."""
     decision = decide(evidence(1.0, 0.1, both_in=StoredRange(4.0, 20.0, "mA")), LIMITS)
