@@ -73,6 +73,7 @@ PARAMETERS = {
     "A": "extra friction",
     "bend": "pull at 50 % of travel beyond halfway from 25 to 75 %",
     "bow": "height of the bow",
+    "c": "travel given for a percent of OP",
     "D": "drift over the record",
     "H": "what the spring holds back of a turn",
     "U": "push of the fluid at mid-travel",

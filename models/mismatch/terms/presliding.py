@@ -40,7 +40,7 @@ class Presliding(OneNumberTerm):
             "with each small step of OP; one that creeps moves on."
         ),
         advice=FieldAdvice(
-            title="packing gives before it lets go",
+            title="packing that gives",
             steps=check_steps(
                 "desk: S and J alone decide whether the packing needs work.",
                 "manual: Hold OP: the stem stands still as soon as OP does.",
