@@ -73,8 +73,8 @@ class Presliding(OneNumberTerm):
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
         return (
-            "The packing gives before it lets go: at rest the stem creeps towards its command, "
-            f"for each percent of OP, by {parameters['c']} of travel and more."
+            "The packing gives before it lets go: at rest the stem follows OP by "
+            f"{parameters['c']} of travel for each percent, and by more just before it lets go."
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:

@@ -307,7 +307,7 @@ def test_advice_names_things_to_look_at_and_a_test(slug):
             "9.00 (8.55 to 9.45) s and runs up in 3.00 (2.85 to 3.15)",
         ),
         ("position_dependent_friction", [1.5, 50.0, 5.0], "Between 45 and 55 % of travel"),
-        ("presliding", [0.02], "for each percent of OP, by 0.02"),
+        ("presliding", [0.02], "follows OP by 0.02"),
         ("rate_limit", [0.5], "no more than 2.00 (1.90 to 2.10) %/s, opening and closing alike"),
         ("sensor_drift", [-1.5, 0.0, 0.0, 0.0], "drifts downwards by 1.50 (1.43 to 1.57) %"),
         ("span_error", [-0.1], "compressed over the stroke: it moves by 0.900 (0.855 to 0.945)"),
