@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from stemwatch.models.mismatch.evidence.conditioning import moving_stem, rests
 from stemwatch.models.mismatch.stem_model.lanes import never_raises
-from stemwatch.models.mismatch.stem_model.presliding import given_way
+from stemwatch.models.mismatch.stem_model.presliding import way_of_bristles
 from stemwatch.models.recording import Bools, Floats
 
 PRESLIDING = "presliding"
@@ -33,7 +33,6 @@ _LONG = 8  # samples of a piece
 _NEAR_LEVEL = 0.95  # share of the breakaway level
 # A jump of the reading over two samples: of its noise, and of J (percent) where that is known.
 _JUMP_SIGMA, _JUMP_SHARE, _MOST_J = 5.0, 0.25, 4.0
-_SMALL = 1e-6  # of what a packing gives, small enough for its own motion not to count
 
 
 class GivingAtRest(NamedTuple):
@@ -87,7 +86,8 @@ def _products(
         way = np.zeros(n)
         for i in range(1, n):
             k = first + i
-            way[i] = way[i - 1] + given_way(force[k - 1], force[k], level, _SMALL) / _SMALL
+            side = 1.0 if force[k] > force[k - 1] else -1.0
+            way[i] = way[i - 1] + side * way_of_bristles(force[k - 1], force[k], level, 1.0)
         y = mv[first:last] - np.mean(mv[first:last])
         way -= np.mean(way)
         products[row, 0], products[row, 1] = np.sum(way * y), np.sum(way * way)

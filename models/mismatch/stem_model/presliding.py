@@ -34,6 +34,16 @@ def _way(q: float) -> float:
 
 
 @never_raises
+def way_of_bristles(before: float, force: float, level: float, gives: float) -> float:
+    """How far the bristles would let a stem move while the force goes from ``before`` to ``force``,
+    percent, its sign apart, if its motion took nothing off the force.
+    """
+    side, level = 1.0 if force > before else -1.0, max(level, _LEAST_LEVEL)
+    way: float = gives * level * (_way(side * force / level) - _way(side * before / level))
+    return way
+
+
+@never_raises
 def given_way(before: float, force: float, level: float, gives: float) -> float:
     """How far a resting stem moves while the force on it goes from ``before`` to ``force``, percent
     of travel: never further than the force itself, which its motion takes off.
@@ -42,7 +52,7 @@ def given_way(before: float, force: float, level: float, gives: float) -> float:
     """
     if gives <= 0.0 or force == before:
         return 0.0
-    side, level = 1.0 if force > before else -1.0, max(level, _LEAST_LEVEL)
-    first, last = side * before / level, side * force / level
-    way = gives * level * (_way(last) - _way(first))
+    side = 1.0 if force > before else -1.0
+    last = side * force / max(level, _LEAST_LEVEL)
+    way = way_of_bristles(before, force, level, gives)
     return side * way / (1.0 + gives / (1.0 - min(last, _NEAR)))
