@@ -129,6 +129,7 @@ def assemble(opened: SampleSource, valve: ValveTags, window: Window) -> Recordin
         else _signal(role, column, valve.tags[role], grid, stored, notes)
         for role, column in columns.items()
     }
+    notes += _deviations_not_used(columns, valve, corners)
     _remark_same_values(signals, notes)
     return Recording(
         valve=valve.valve,
@@ -261,6 +262,17 @@ def _signal(
         range=mapping.process_range(column.unit),
         scaled=mapping.scales,
     )
+
+
+def _deviations_not_used(
+    columns: Mapping[Role, Column], valve: ValveTags, corners: frozenset[Role]
+) -> list[str]:
+    return [
+        f"{column.tag}: the plant file states a deviation of {valve.tags[role].deviation:g}, but "
+        "these samples are not the corners of a swinging door; it is not used."
+        for role, column in columns.items()
+        if role not in corners and valve.tags[role].deviation is not None
+    ]
 
 
 def _drawn_signal(

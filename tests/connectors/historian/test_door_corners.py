@@ -187,3 +187,20 @@ def test_an_export_of_corners_is_read_by_lines(open_text) -> None:
     assert any("corners of a swinging door" in said for said in recording.provenance.decisions)
     proposal = plant_toml([ProposedSource("h", "loop.csv", (opened.inspect(),))])
     assert "# deviation = 0.1" in proposal  # asked where the tag comes by exception
+
+
+def test_a_deviation_that_is_not_used_is_told(open_text) -> None:
+    """Of samples at even times no lines are drawn, whatever the plant file states."""
+    rows = []
+    for place in range(0, 600, 5):
+        stamp = (START + timedelta(seconds=place)).isoformat()
+        rows += [f"{tag},{stamp},{50.0 + place % 7:.4f}\n" for tag in TAGS.values()]
+    stated = {**VALVE.tags, Role.MV: TagMapping(tag="A.ZT", deviation=0.3)}
+    opened = open_text("Tag,Time,Value\n" + "".join(rows))
+    recording = opened.read(replace(VALVE, tags=stated))
+    assert recording.signals[Role.MV].deviation is None
+    said = [each for each in recording.provenance.decisions if "it is not used" in each]
+    assert said == [
+        "A.ZT: the plant file states a deviation of 0.3, but these samples are not the corners of "
+        "a swinging door; it is not used."
+    ]
