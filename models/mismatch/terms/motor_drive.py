@@ -30,6 +30,10 @@ LONGEST = 100.0  # samples of lag and run-up
 SLOWEST = 400.0  # samples in which full voltage brings the motor through the swing of OP
 # Samples of lag and run-up, below which a drive does not show. The force balance has asked before.
 LEAST_SHOWN = 0.25
+# Samples that lag and run-up must last together. A position that is stored five seconds late in
+# even steps of a second looks like a drive of 1.0 to 2.4 samples (15 healthy valves); 54 drives of
+# `bench_servo_ladder` and `bench_other_motors` take 4.6 and more.
+LEAST_OF_BOTH = 3.0
 FREE = 1e6  # percent a unit of time: no top speed
 
 
@@ -95,8 +99,10 @@ class MotorDrive(StemTerm):
         numbers[stem_number.TOP_SPEED] = 1.0 / values[2] if values[2] > 1.0 / FREE else np.inf
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
-        """Lag and run-up are there; without a run-up this is a drag or a lag."""
-        return bool(min(values[0], values[1]) >= LEAST_SHOWN * summary.interval_s)
+        """Lag and run-up are there and last long enough to be seen; without a run-up this is a drag
+        or a lag, and one of a sample or two is a late clock."""
+        lag, run_up = values[0] / summary.interval_s, values[1] / summary.interval_s
+        return bool(min(lag, run_up) >= LEAST_SHOWN and lag + run_up >= LEAST_OF_BOTH)
 
     def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """Lag and run-up are those of the motor: every drive of finite gain has them."""
