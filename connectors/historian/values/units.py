@@ -6,7 +6,7 @@ import re
 
 # Spelling in a file (lower case, no blanks) -> the spelling used everywhere after it.
 _SPELLINGS = {
-    "%": ("%", "pct", "percent", "prozent", "perc", "%open", "%span"),
+    "%": ("%", "pct", "percent", "prozent", "perc", "%open", "%span", "0-100%"),
     "gal/min": ("gpm", "gal/min", "usgpm"),
     "lb/min": ("lb/min", "lbs/min"),
     "lb/h": ("lb/h", "lb/hr", "lbs/hr", "pph"),
@@ -44,7 +44,8 @@ _SPELLINGS = {
     "s": ("s", "sec"),
     "ppm": ("ppm",),
     "pH": ("ph",),
-    "": ("noengunits", "none", "-", "unitless"),
+    # A share of span is told by its values, as those of a column without a unit are.
+    "": ("noengunits", "none", "-", "unitless", "0-1", "0..1", "0...1", "fraction", "frac"),
 }
 _LONGEST = 300  # characters of a header; longer ones are damage
 _CANONICAL = {s: unit for unit, spellings in _SPELLINGS.items() for s in spellings}
