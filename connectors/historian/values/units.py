@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+SHARE_OF_SPAN = "0-1"
 # Spelling in a file (lower case, no blanks) -> the spelling used everywhere after it.
 _SPELLINGS = {
     "%": ("%", "pct", "percent", "prozent", "perc", "%open", "%span", "0-100%"),
@@ -44,8 +45,8 @@ _SPELLINGS = {
     "s": ("s", "sec"),
     "ppm": ("ppm",),
     "pH": ("ph",),
-    # A share of span is told by its values, as those of a column without a unit are.
-    "": ("noengunits", "none", "-", "unitless", "0-1", "0..1", "0...1", "fraction", "frac"),
+    SHARE_OF_SPAN: ("0-1", "0..1", "0...1", "fraction", "frac"),
+    "": ("noengunits", "none", "-", "unitless"),
 }
 _LONGEST = 300  # characters of a header; longer ones are damage
 _CANONICAL = {s: unit for unit, spellings in _SPELLINGS.items() for s in spellings}

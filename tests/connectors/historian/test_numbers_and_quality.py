@@ -207,9 +207,14 @@ def test_a_quality_column_whose_name_says_what_is_good(open_text, header, bad, g
 
 
 @pytest.mark.parametrize("unit", ["0-1", "0..1", "fraction"])
-def test_a_share_of_span_is_no_unit_of_its_own(open_text, unit: str) -> None:
-    """Its values tell it, as those of a column without a unit."""
-    assert open_text(f"t_s,OP [{unit}]\n0,0.4\n1,0.5\n2,0.6\n").tags()[0].unit == ""
+def test_a_share_of_span_is_read_in_percent(open_text, unit: str) -> None:
+    """OP and position whose unit says 0 to 1, but for a range that is given."""
+    source = open_text(f"t_s,OP [{unit}]\n0,0.4\n1,0.5\n2,0.6\n")
+    assert source.read(OP).op.values.tolist() == pytest.approx([40.0, 50.0, 60.0])
+    assert source.read(OP).op.unit == "%"
+    mapping = TagMapping(tag="OP", low=0.0, high=2.0)
+    given = source.read(ValveTags(valve="A", tags={Role.OP: mapping}))
+    assert given.op.values.tolist() == pytest.approx([20.0, 25.0, 30.0])
 
 
 def test_a_code_whose_rows_have_no_value_is_bad(open_text) -> None:

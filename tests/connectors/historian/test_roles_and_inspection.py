@@ -247,6 +247,14 @@ def test_the_range_of_an_output_without_unit_is_stated_only_where_it_is_plain(
     assert len(asked) == (1 if known else 2)  # that of the position, and of OP
 
 
+def test_a_share_of_span_is_proposed_with_its_range(open_text) -> None:
+    """The unit says what 0 % and 100 % are."""
+    text = "Time,F1.OP [0-1]\n" + "".join(f"2026-01-05T06:00:{i:02d}Z,0.{i}\n" for i in range(60))
+    source = ProposedSource("historian", "a.csv", (open_text(text).inspect(),))
+    op = tomllib.loads(plant_toml([source]))["valves"][0]["tags"]["op"]
+    assert op == {"tag": "F1.OP", "unit": "0-1", "low": 0.0, "high": 1.0}
+
+
 @pytest.mark.parametrize(("start", "live"), [(4.0, True), (0.0, False)])
 def test_milliamperes_are_proposed_with_their_live_zero(open_text, start, live) -> None:
     """Where the file gives mA and no value lies below 4, 0 and 100 % are written as 4 and 20."""
