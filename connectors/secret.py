@@ -20,6 +20,8 @@ _USER_PASSWORD = re.compile(r"(?P<before>://[^:@/?\s]*:)\S*(?=@)")
 _SECRET_IN_QUERY = re.compile(
     r"(?P<before>[?&;](?:[\w-]*(?:password|passwd|passphrase|pwd|secret|token|key))=)[^&;\s]*", re.I
 )
+# As psql takes an address: host=... password=...
+_SECRET_WORD = re.compile(r"(?P<before>(?<!\S)\w*(?:password|passwd)=)(?:'[^']*'|\S*)", re.I)
 _SECRET_OPTION = re.compile(r"^(?P<before>-{1,2}[\w-]*(?:password|passwd|secret|token))(?P<eq>=?)")
 
 
@@ -63,8 +65,9 @@ class Secret:
 
 
 def masked(text: str) -> str:
-    """``text`` with the password of every URL in it replaced by ``***``."""
+    """``text`` with the password of every URL and ``password=...`` in it replaced by ``***``."""
     text = _USER_PASSWORD.sub(rf"\g<before>{MASK}", text)
+    text = _SECRET_WORD.sub(rf"\g<before>{MASK}", text)
     return _SECRET_IN_QUERY.sub(rf"\g<before>{MASK}", text)
 
 

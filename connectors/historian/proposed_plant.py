@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from stemwatch.connectors.connector import RANGE_HIGH, RANGE_LOW, TagInfo
 from stemwatch.connectors.historian.tags.perhaps_position import may_be_position
+from stemwatch.connectors.historian.values.units import SHARE_OF_SPAN
 from stemwatch.connectors.settings import toml_value
 from stemwatch.models.recording import PERCENT, Role
 
@@ -231,6 +232,8 @@ def _named_lines(role: Role, tag: ProposedTag) -> list[str]:
     percent = tag.unit == PERCENT or (not tag.unit and role is Role.OP and _within_percent(tag))
     if percent:
         return [*lines, "low = 0.0", "high = 100.0"]
+    if role in (Role.OP, Role.MV) and tag.unit == SHARE_OF_SPAN:
+        return [*lines, "low = 0.0", "high = 1.0"]
     if role in (Role.OP, Role.MV) and _has_live_zero(tag):
         return [*lines, "low = 4.0", "high = 20.0   # mA as usual; low = 0.0 without live zero"]
     seen = "" if tag.low is None else f"   # seen: {tag.low:g} to {tag.high:g}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from datetime import timedelta
 from typing import Protocol
 
@@ -36,7 +37,7 @@ from stemwatch.connectors.historian.times.door_corners import (
 from stemwatch.connectors.historian.times.epoch import EPOCH, ns_of
 from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.connectors.historian.times.timeline import Timeline
-from stemwatch.connectors.historian.values.units import canonical
+from stemwatch.connectors.historian.values.units import SHARE_OF_SPAN, canonical
 from stemwatch.models.recording import (
     PERCENT,
     Floats,
@@ -123,10 +124,11 @@ def assemble(opened: SampleSource, valve: ValveTags, window: Window) -> Recordin
         raise NothingInWindow(_outside_window(opened, op, window))
     notes: list[str] = []
     stored = times_stored(columns.values())
+    mappings = {role: _ranged(role, columns[role], valve.tags[role]) for role in columns}
     signals = {
-        role: _drawn_signal(role, column, valve.tags[role], grid, stored, notes)
+        role: _drawn_signal(role, column, mappings[role], grid, stored, notes)
         if role in corners
-        else _signal(role, column, valve.tags[role], grid, stored, notes)
+        else _signal(role, column, mappings[role], grid, stored, notes)
         for role, column in columns.items()
     }
     notes += _deviations_not_used(columns, valve, corners)
@@ -239,6 +241,14 @@ def _outside_window(opened: SampleSource, op: Column, window: Window) -> str:
         f"{opened.source_name}: {op.tag}: no samples between {window.start} and {window.stop}; the "
         f"file covers {first:%Y-%m-%d %H:%M:%S} to {last:%Y-%m-%d %H:%M:%S} UTC"
     )
+
+
+def _ranged(role: Role, column: Column, mapping: TagMapping) -> TagMapping:
+    """``mapping``, with the range of an OP or position whose unit alone says it."""
+    unit = canonical(mapping.unit) if mapping.unit else column.unit
+    if role not in (Role.OP, Role.MV) or unit != SHARE_OF_SPAN or mapping.low is not None:
+        return mapping
+    return replace(mapping, low=0.0, high=1.0)
 
 
 def _signal(

@@ -33,8 +33,9 @@ NEXT = {
         "friction low. Check packing and lubrication, then seat and guide."
     ),
     Shape.OVERSHOOT: (
-        "The stem jumps past the command, which friction alone cannot do: check the positioner's "
-        "tuning (gain too high) and the actuator's size and air supply, then the packing."
+        "The stem jumps past the command, which friction alone does only where little damps the "
+        "stem: check the positioner's tuning (gain too high) and the actuator's size and air "
+        "supply, then the packing."
     ),
 }
 NOT_THAT_SLOW = (

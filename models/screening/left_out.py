@@ -16,10 +16,11 @@ from stemwatch.models.decision.shaken_loose import (
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.mismatch.terms.slip_overshoot import SlipOvershoot
 from stemwatch.models.narx.example import NarxFit
 from stemwatch.models.preparation.own_clock import duration
 from stemwatch.models.screening.fitted_recording import FittedRecording
-from stemwatch.models.screening.published_stiction import stands_behind_reports
+from stemwatch.models.screening.published_stiction import of_stickslip_fit, stands_behind_reports
 
 SLOW_ACTUATOR = (
     "Friction behind a slow actuator follows the part of the recording that was not fitted far "
@@ -32,6 +33,10 @@ SHAKEN_LOOSE = (
 LATE_REPORTS = (
     "This may be a slow actuator, or friction: reports by exception come late, as behind a lag. "
     "The recording cannot tell, and nothing is named."
+)
+SHORTER_SLIPS = (
+    "The slips that S and J alone follow are shorter than those of the physics that would explain "
+    "this recording: it cannot be told whether anything is left out, and nothing is named."
 )
 PERHAPS_EXCHANGED = (
     "The position moves {} before OP, so that OP may be the position and the position OP: what S "
@@ -58,9 +63,29 @@ def explained(
         archive=fitted.archive,
         refused=dict.fromkeys(LIKE_A_SHAKEN_BAND, RESTS) if is_sure(fitted.dead_bands) else {},
     )
-    if fitted.archive is not None or not residual.slow_actuator_is_enough(fitted.fit, found):
+    if fitted.archive is not None:
         return found
-    return _not_named(found, SLOW_ACTUATOR)
+    if residual.slow_actuator_is_enough(fitted.fit, found):
+        return _not_named(found, SLOW_ACTUATOR)
+    if _slips_are_shorter(fitted, found):
+        return _not_named(found, SHORTER_SLIPS)
+    return found
+
+
+def _slips_are_shorter(fitted: FittedRecording, found: Mismatch) -> bool:
+    """Whether slips that overshoot beside another effect are longer than those of the stick-slip
+    fit, and S is smaller, beyond both intervals.
+
+    A stem that sticks again at each sample behind a drag or a slow actuator makes only the first
+    part of each slip, so that twice the J there looks like the J of a quick one.
+    """
+    if len(found.effects) < 2 or not any(e.slug == SlipOvershoot.slug for e in found.effects):
+        return False
+    S, J = of_stickslip_fit(fitted)[:2]
+    restated = found.restated
+    if restated.J.value is None or J.value is None or restated.J.value <= J.value:
+        return False
+    return restated.S.contradicts(S) and restated.J.contradicts(J)
 
 
 def as_shown(

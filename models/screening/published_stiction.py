@@ -25,7 +25,7 @@ def published_stiction(
     if mismatch is not None and mismatch.restated.by_likelihood:
         S, J = _up_to_what_may_be_hidden(fitted, mismatch.restated.S), mismatch.restated.J
         return S, J, spread_of(S)
-    S, J, S_draws = _of_stickslip_fit(fitted)
+    S, J, S_draws = of_stickslip_fit(fitted)
     S = _up_to_what_may_be_hidden(fitted, S)
     if mismatch is not None and lag_is_doubtful(fitted, mismatch, S, J):
         # Only this fit needs the lag, and the recording does not show which of the two is right.
@@ -82,7 +82,7 @@ def _exactly(value: float) -> Estimate:
     return Estimate(value=value, low=value, high=value, unit=PERCENT)
 
 
-def _of_stickslip_fit(fitted: FittedRecording) -> tuple[Estimate, Estimate, Floats]:
+def of_stickslip_fit(fitted: FittedRecording) -> tuple[Estimate, Estimate, Floats]:
     """S, J and draws of S of the stick-slip fit, percent of OP, with what the archive lost."""
     fit, sample = fitted.fit, fitted.sample
     S, J, S_draws = _estimate(sample.S, fit.S), _estimate(sample.J, fit.J), sample.S

@@ -24,7 +24,11 @@ from stemwatch.service.config.service_schema import AlertRules
 from stemwatch.service.plant_path import levels_of
 from stemwatch.service.presenter.advice import after_first_step, first_step, parts_needed
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
-from stemwatch.service.presenter.finding import baseline_left, stiction_grown
+from stemwatch.service.presenter.finding import (
+    baseline_left,
+    stiction_grown,
+    why_no_work,
+)
 from stemwatch.service.presenter.suspicion_words import HOW_SURE
 from stemwatch.service.presenter.work_decision import DEPARTED, STICTION, WATCH
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert, to_do
@@ -317,7 +321,12 @@ def has_grown(now: Estimate, before: Estimate | None, least_percent: float) -> b
 
 
 def _sticky(judged: JudgedScreening) -> AlertWords:
-    return AlertWords.with_steps_for(_kind_of_friction(judged), judged.reason, judged.advice)
+    """The screening's reason, and which of the effects in it ask for no work, as report and work
+    order say it."""
+    effects = () if judged.mismatch is None else judged.mismatch.effects
+    no_work = [e for e in effects if e.inherent and e.sentence in judged.reason]
+    found = f"{judged.reason} {why_no_work(no_work)}" if no_work else judged.reason
+    return AlertWords.with_steps_for(_kind_of_friction(judged), found, judged.advice)
 
 
 def _kind_of_friction(judged: JudgedScreening) -> str:

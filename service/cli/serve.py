@@ -121,12 +121,11 @@ def run_now(
             if wait or working is not None:
                 _follow(store, number, working, stop)
         finally:
-            interrupted = stop.is_set()
             stop.set()
             if working is not None:
                 working.join()
         if wait or working is not None:
-            _show(store.run(number), left_behind=interrupted)
+            _show(store.run(number))
 
 
 def _load(plant: Path) -> Plant:
@@ -201,10 +200,10 @@ def run_sentence(run: StoredRun) -> str:
     return sentence + (f". {run.reason}" if run.reason else "")
 
 
-def _show(run: StoredRun, *, left_behind: bool) -> None:
+def _show(run: StoredRun) -> None:
     from stemwatch.service.cli import views
 
-    if left_behind and run.finished is None:
+    if run.finished is None:
         so_far = f" after {run.done} of {run.total} valves" if run.total else ""
         views.out.print(
             f"Run {run.id} is left{so_far}: the service goes on with it, or the next one that "
@@ -215,7 +214,7 @@ def _show(run: StoredRun, *, left_behind: bool) -> None:
     views.out.print(run_sentence(run), highlight=False)
     if run.report:
         views.out.print(f"Report: {views.escape(run.report)}", highlight=False, soft_wrap=True)
-    if run.finished is None or run.state.value in ("failed", "cancelled"):
+    if run.state.value in ("failed", "cancelled"):
         raise typer.Exit(1)
     views.say_next(
         "open the report; the work orders lie beside it, and alerts, if any, stand on the pages of "

@@ -83,8 +83,11 @@ def narrow_columns(
         return None
     tag = pick(header, TAG_NAMES, options.tag_column)
     value = pick(header, VALUE_NAMES, options.value_column)
-    if tag is None or value is None:
-        tag, value = _by_content(rows, structure) if tag is None and value is None else (tag, value)
+    quality = pick(header, QUALITY_NAMES, options.quality_column)
+    if tag is None:
+        tag = _tags_by_content(rows, structure)
+        if tag is not None and value is None:
+            value = _values_by_content(source, rows, structure, header, tag, quality)
     if tag is None or value is None or tag == value:
         return None
     for option in ("tag_column", "value_column", "quality_column"):
@@ -93,18 +96,16 @@ def narrow_columns(
         tag=tag,
         time=structure.time,
         value=value,
-        quality=pick(header, QUALITY_NAMES, options.quality_column),
+        quality=quality,
         unit=pick(header, UNIT_NAMES),
         description=pick(header, DESCRIPTION_NAMES),
         attribute=pick(header, ATTRIBUTE_NAMES),
     )
 
 
-def _by_content(rows: Rows, structure: Structure) -> tuple[int | None, int | None]:
-    """Tag and value columns by content: one of a few repeated names, and one of numbers."""
-    if len(structure.numeric) != 1 or structure.width > 5:
-        return None, None
-    sample = [r for r in rows.cells[structure.first_row :][:2000] if len(r) == structure.width]
+def _tags_by_content(rows: Rows, structure: Structure) -> int | None:
+    """The column of a few repeated names that look like tags."""
+    sample = _sample(rows, structure)
     for column in range(structure.width):
         if column in structure.time or column in structure.numeric:
             continue
@@ -114,8 +115,50 @@ def _by_content(rows: Rows, structure: Structure) -> tuple[int | None, int | Non
             "." in w or "_" in w or "/" in w or any(c.isdigit() for c in w) for w in distinct
         )
         if tags and 1 <= len(distinct) <= max(1, len(words) // 3):
-            return column, structure.numeric[0]
-    return None, None
+            return column
+    return None
+
+
+def _values_by_content(
+    source: LayoutInput,
+    rows: Rows,
+    structure: Structure,
+    header: Sequence[str],
+    tag: int,
+    quality: int | None,
+) -> int | None:
+    """The one column of numbers beside the column ``tag``; ``None`` for a wide table with a column
+    of names. Raises ``UnreadableSource`` where several may be it, and rows of one time but of
+    different tags show that the table is narrow."""
+    if len(structure.numeric) == 1 and structure.width <= 5:
+        return structure.numeric[0]
+    if not _rows_share_times(_sample(rows, structure), structure, tag):
+        return None
+    values = [column for column in structure.numeric if column != quality]
+    if len(values) == 1:
+        return values[0]
+    names = ", ".join(repr(header[column]) for column in values[:6])
+    raise UnreadableSource(
+        f"{source.name}: each row is one sample of a tag of column {header[tag]!r}, and its value "
+        f"may be in {names}; say which: value_column in the plant file or in Python, such as "
+        f"value_column = {header[values[0]]!r}"
+    )
+
+
+def _sample(rows: Rows, structure: Structure) -> list[list[str]]:
+    return [r for r in rows.cells[structure.first_row :][:2000] if len(r) == structure.width]
+
+
+def _rows_share_times(sample: Sequence[list[str]], structure: Structure, tag: int) -> bool:
+    """Whether most rows share their time with others, each of another tag."""
+    tags_at: dict[tuple[str, ...], list[str]] = {}
+    for row in sample:
+        time = tuple(row[column].strip() for column in structure.time)
+        tags_at.setdefault(time, []).append(row[tag].strip())
+    shared = [tags for tags in tags_at.values() if len(tags) > 1]
+    return all(len(set(tags)) == len(tags) for tags in shared) and 2 * sum(map(len, shared)) > len(
+        sample
+    )
 
 
 def refuse_text(source: LayoutInput, rows: Rows, structure: Structure) -> None:

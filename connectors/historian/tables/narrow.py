@@ -27,16 +27,16 @@ from stemwatch.connectors.historian.values.units import bare_tag, canonical, spl
 TAG_NAMES = (
     "tagname", "tag", "tag_name", "tag name", "point", "pointname", "point name", "name",
     "variable", "signal", "item", "itemname", "messstelle", "kks", "bezeichnung", "signalname",
-    "point_name", "tagid", "tag id", "path", "pointid", "sensor",
+    "point_name", "tagid", "tag id", "path", "pointid", "sensor", "varname",
 )  # fmt: skip
 VALUE_NAMES = (
     "value", "wert", "vvalue", "valeur", "valor", "valore", "val", "ip_trend_value", "messwert",
-    "_value", "reading", "y",
+    "_value", "reading", "y", "varvalue",
 )  # fmt: skip
 QUALITY_NAMES = (
     "qualitydetail", "opcquality", "opc_quality", "dataquality", "quality", "status",
     "ip_trend_qstatus", "ip_trend_qlevel", "qualität", "qualitaet", "statuscode", "good", "qualite",
-    "qualité", "confidence", "state", "qualitycode",
+    "qualité", "confidence", "state", "qualitycode", "validity",
 )  # fmt: skip
 ATTRIBUTE_NAMES = ("attribute", "attribut", "parameter", "param", "field", "property")
 UNIT_NAMES = ("unit", "units", "einheit", "unité", "unidad", "uom", "engunits", "eu")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from stemwatch.connectors.connector import TagInfo
 from stemwatch.connectors.historian.tags.tag_names import (
+    OUTPUT_WORDS,
     TagName,
     instrument,
     is_position_transmitter,
@@ -102,8 +103,14 @@ def _propose(
             ),
         )
     confirmed = ", as its description says" if described is role else ""
-    reason = f"by its name {name.word.upper()!r}{confirmed}"
+    named = f"its block {name.block!r}" if _says_more(name) else f"its name {name.word.upper()!r}"
+    reason = f"by {named}{confirmed}"
     return replace(candidate, role=role, valve=valve, remark=reason)
+
+
+def _says_more(name: TagName) -> bool:
+    """Whether the block, not the word, says the role: ``AI1/OUT`` is no controller output."""
+    return name.word == "out" and name.role is not Role.OP
 
 
 def described_role(description: str) -> Role | None:
@@ -128,6 +135,12 @@ def _propose_mv(
         reason = (
             f"MV is the controller output here, {evidence}its description {candidate.description!r}"
         )
+        return replace(candidate, role=Role.OP, remark=reason)
+    loop = candidate.name.loop
+    words = {other.name.word for other in everyone if other.name.loop == loop}
+    if loop and "sv" in words and described in (None, Role.OP) and not words & OUTPUT_WORDS:
+        # Yokogawa's, Azbil's, Omron's and others' faceplates: PV, SV, MV.
+        reason = "MV beside the set point SV of its loop: the controller output"
         return replace(candidate, role=Role.OP, remark=reason)
     if (
         not (mv_is_output or candidate.name.loop)

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from stemwatch.connectors.historian.values.units import split_unit
 from stemwatch.models.recording import Role
 
-OUTPUT_WORDS = frozenset(("op", "out", "co", "lmn", "output"))
-SETPOINT_WORDS = frozenset(("sp", "sv", "setpoint", "set_point"))
-MEASURED_WORDS = frozenset(("pv",))
+OUTPUT_WORDS = frozenset(("op", "out", "co", "lmn", "output", "stellgröße", "stellgroesse"))
+SETPOINT_WORDS = frozenset(("sp", "sv", "setpoint", "set_point", "sollwert"))
+MEASURED_WORDS = frozenset(("pv", "pv_in", "istwert"))
 MODE_WORDS = frozenset(("mode",))
 POSITION_WORDS = frozenset(
-    ("zt", "pos", "position", "readback", "vp", "stem", "travel", "gt", "x", "zi")
-)
+    ("zt", "pos", "position", "readback", "rbk", "vp", "stem", "travel", "gt", "x", "zi", "lmnr",
+     "lmnr_in", "stellungsrückmeldung", "stellungsrueckmeldung", "ventilstellung")
+)  # fmt: skip
 ASK_WORDS = frozenset(("mv", "cv"))
 _WORDS = (
     dict.fromkeys(OUTPUT_WORDS, Role.OP)
@@ -23,9 +24,14 @@ _WORDS = (
     | dict.fromkeys(MODE_WORDS, Role.MODE)
     | dict.fromkeys(POSITION_WORDS, Role.MV)
 )
-_SPLIT = re.compile(r"^(?P<loop>.+)[./_\-: |](?P<word>[A-Za-z]+)$")
+# Words of two parts, as Siemens' blocks have them, before the last part alone.
+_TWO_PARTS = re.compile(r"^(?P<loop>.+)[./_\-: |](?P<word>(?:PV|LMNR)_IN)$", re.I)
+_SPLIT = re.compile(r"^(?P<loop>.+)[./_\-: |](?P<word>[A-Za-zÄÖÜäöüß]+)$")
 _GLUED = re.compile(r"^(?P<loop>.*[0-9])(?P<word>OP|CO|CV|PV|SP|SV|MV|ZT|X)$")
 _PATH = re.compile(r"^(?P<loop>[^/]+)/(?P<block>[^/]+)/(?P<word>[A-Z_0-9]+)\.(?P<field>[A-Z]+)$")
+_POSITION_BLOCK = re.compile(
+    r"(?:^|[^A-Z])(?:ZT|ZI|ZIT|POS|POSN|POSITION|STEM|TRAVEL|READBACK|RBK)(?:$|[^A-Z])"
+)
 _POSITION_LOOP = re.compile(r"^(?P<area>.*?)(?P<letters>ZT|ZI|GT|ZIT)(?P<number>[-_ ]?[0-9]+\w*)$")
 _LOOP = re.compile(r"^(?P<area>.*?)(?P<letters>[A-Z]{2,4})(?P<number>[-_ ]?[0-9]+[\w\-]*)$")
 
@@ -55,7 +61,7 @@ def parse_tag(tag: str) -> TagName:
         return TagName(path["loop"], word, path["block"].upper())
     if _is_known_word(without_unit):
         return TagName("", without_unit.lower())
-    for pattern in (_SPLIT, _GLUED):
+    for pattern in (_TWO_PARTS, _SPLIT, _GLUED):
         match = pattern.match(without_unit)
         if match and _is_known_word(match["word"]):
             return TagName(match["loop"], match["word"].lower())
@@ -70,6 +76,8 @@ def _is_known_word(word: str) -> bool:
 
 
 def _block_role(block: str, word: str) -> Role | None:
+    if word in ("out", "pv") and not block.startswith("PID") and _POSITION_BLOCK.search(block):
+        return Role.MV
     if word == "out":
         if block.startswith("AI"):
             return Role.PV

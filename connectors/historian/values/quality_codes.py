@@ -28,6 +28,10 @@ _BAD_WORDS = frozenset(
     ("bad", "b", "uncertain", "questionable", "doubtful", "suspect", "invalid", "false",
      "schlecht", "mauvais", "mala", "substituted", "failed", "error", "timeout", "offline")
 )  # fmt: skip
+# What these columns are called says which of their numbers is good: a truth value, or a share in
+# percent of samples that are.
+_TRUE_NAMES = frozenset(("good", "valid", "validity"))
+_SHARE_NAMES = frozenset(("confidence",))
 _OPC_NAMES = frozenset(("qualitydetail", "opcquality", "opc_quality", "qualitycode"))
 _OPC_GOOD = 0xC0
 _TEXT = re.compile(r"[A-Za-z\u00c0-\u024f\u4e00-\u9fff]")
@@ -97,6 +101,12 @@ def _numeric_verdicts(
     if family == "opc" or folded in _OPC_NAMES or _OPC_GOOD <= top <= 255:
         notes.decide(f"Quality column {column!r}: OPC codes, good from 192.")
         return {code: is_good_opc(value) for code, value in numeric.items()}
+    if folded in _TRUE_NAMES and set(numeric.values()) == {0, 1}:
+        notes.decide(f"Quality column {column!r}: 1 is good, 0 is not.")
+        return {code: value == 1 for code, value in numeric.items()}
+    if folded in _SHARE_NAMES and top == 100:
+        notes.decide(f"Quality column {column!r}: 100 is good, less is not.")
+        return {code: value == 100 for code, value in numeric.items()}
     if len(numeric) == 1:
         only = next(iter(numeric))
         notes.decide(
@@ -123,7 +133,8 @@ def _settled_by_values(
     code_list = ", ".join(sorted(numeric, key=numeric.__getitem__)[:8])
     raise UnreadableSource(
         f"{name}: the quality column {column!r} holds the codes {code_list}; 0 means good in one "
-        "system and bad in another. Say which are good, for example good_quality=('0',)"
+        "system and bad in another. Say which are good with good_quality: in the plant file, such "
+        f'as good_quality = ["{code_list.split(", ")[-1]}"], or in ReadOptions'
     )
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 
+SHARE_OF_SPAN = "0-1"
 # Spelling in a file (lower case, no blanks) -> the spelling used everywhere after it.
 _SPELLINGS = {
-    "%": ("%", "pct", "percent", "prozent", "perc", "%open", "%span"),
+    "%": ("%", "pct", "percent", "prozent", "perc", "%open", "%span", "0-100%"),
     "gal/min": ("gpm", "gal/min", "usgpm"),
     "lb/min": ("lb/min", "lbs/min"),
     "lb/h": ("lb/h", "lb/hr", "lbs/hr", "pph"),
@@ -44,6 +45,7 @@ _SPELLINGS = {
     "s": ("s", "sec"),
     "ppm": ("ppm",),
     "pH": ("ph",),
+    SHARE_OF_SPAN: ("0-1", "0..1", "0...1", "fraction", "frac"),
     "": ("noengunits", "none", "-", "unitless"),
 }
 _LONGEST = 300  # characters of a header; longer ones are damage

@@ -35,7 +35,7 @@ CANONICAL = KernelModel(
     limits=(
         "One repeated input sample stops the stem, which then needs a further J: a coarsely "
         "recorded command looks like sticking (A3, A10).",
-        "J above S is an overshoot that no Coulomb friction can produce (A5).",
+        "J above S is an overshoot: without inertia no Coulomb friction produces it (A5).",
         "A first position further from the command than fs is moved to the edge of that band.",
     ),
     run=_run,

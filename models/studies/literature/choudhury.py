@@ -69,7 +69,7 @@ _SHARED_LIMITS = (
     "asked for S, where the physics asks for J (A2).",
     "One repeated input sample makes a stop that did not happen, and a staircase (A3, A10).",
     "With noise the jump can land on the wrong side, an error of S - J (A4).",
-    "J above S is an overshoot that no friction can produce (A5).",
+    "J above S is an overshoot: without inertia no friction produces it (A5).",
     "Nothing before the first full slip counts (A6).",
     "At 0 and 100 % the stem is put where the command is (A7).",
 )

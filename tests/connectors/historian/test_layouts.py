@@ -368,6 +368,37 @@ def test_no_time_column_needs_an_interval(open_text) -> None:
         open_text("u,y\n" + body, "c.csv").tags()
 
 
+def _of_eight_tags(header: str, rest: str) -> str:
+    """Rows of eight tags each second, ``rest`` after time and value."""
+    rows = (
+        f"F{tag}.OP;07.09.2025 12:{i // 60:02d}:{i % 60:02d};{tag},{i:03d};{rest}\n"
+        for i in range(90)
+        for tag in range(8)
+    )
+    return header + "\n" + "".join(rows)
+
+
+@pytest.mark.parametrize(
+    "header", ["VarName;TimeString;VarValue;Validity;Time_ms", "Messpunkt;Zeit;Wert;Gut;Lauf"]
+)
+def test_tags_below_each_other_with_further_columns_of_numbers(open_text, header: str) -> None:
+    """WinCC's archive, and a heading of tags that nobody knows: rows of one time are samples of
+    different tags, not of one whose times were cut."""
+    source = open_text(_of_eight_tags(header, "1;45907,5"), "wincc.csv")
+    assert [tag.tag for tag in source.tags()] == [f"F{i}.OP" for i in range(8)]
+    recording = source.read(mapped("F3.OP"))
+    assert (recording.interval_s, len(recording)) == (1.0, 90)
+
+
+def test_one_of_several_columns_of_values_is_asked_for(open_text) -> None:
+    """No heading says which column holds the value of the tag: its name is asked for."""
+    text = _of_eight_tags("Messpunkt;Zeit;A;B;C", "1;45907,5")
+    with pytest.raises(UnreadableSource, match="'Messpunkt', and its value may be in 'A'"):
+        open_text(text).tags()
+    source = open_text(text, options=ReadOptions(value_column="A"))
+    assert source.read(mapped("F3.OP")).op.values[1] == pytest.approx(3.001)
+
+
 def test_a_list_of_labels_is_no_recording(open_text) -> None:
     """A table of words is refused with a reason that says what it seems to be."""
     text = "file,tag,label,index\n" + "".join(f"f{i}.txt,T{i},stiction,0.{i}\n" for i in range(9))

@@ -195,6 +195,28 @@ def test_bare_quality_of_small_codes_is_not_guessed(open_text) -> None:
     assert open_text(text, options=options).read(A).op.quality.tolist() == [0, 2, 0, 2]
 
 
+@pytest.mark.parametrize(
+    ("header", "bad", "good"), [("CONFIDENCE", "0", "100"), ("Validity", "0", "1")]
+)
+def test_a_quality_column_whose_name_says_what_is_good(open_text, header, bad, good) -> None:
+    """A confidence is the share of good samples, and 1 is valid."""
+    rows = (f"F1.OP,2026-01-13T06:00:{i:02d}Z,{i},{bad if i == 3 else good}\n" for i in range(20))
+    source = open_text(f"TAGNAME,TIMESTAMP,VALUE,{header}\n" + "".join(rows))
+    op = source.read(ValveTags(valve="A", tags={Role.OP: TagMapping(tag="F1.OP")})).op
+    assert np.flatnonzero(op.quality == Quality.BAD).tolist() == [3]
+
+
+@pytest.mark.parametrize("unit", ["0-1", "0..1", "fraction"])
+def test_a_share_of_span_is_read_in_percent(open_text, unit: str) -> None:
+    """OP and position whose unit says 0 to 1, but for a range that is given."""
+    source = open_text(f"t_s,OP [{unit}]\n0,0.4\n1,0.5\n2,0.6\n")
+    assert source.read(OP).op.values.tolist() == pytest.approx([40.0, 50.0, 60.0])
+    assert source.read(OP).op.unit == "%"
+    mapping = TagMapping(tag="OP", low=0.0, high=2.0)
+    given = source.read(ValveTags(valve="A", tags={Role.OP: mapping}))
+    assert given.op.values.tolist() == pytest.approx([20.0, 25.0, 30.0])
+
+
 def test_a_code_whose_rows_have_no_value_is_bad(open_text) -> None:
     """A code whose rows never have a value is bad."""
     text = quality_file(["0", "1", "0", "0"], ["1", "Bad", "3", "4"])

@@ -40,6 +40,15 @@ def roles_of(*tags: tuple[str, str, str]) -> dict[str, Role | None]:
         ("FIT-1/AI1/OUT.CV", "FIT-1", Role.PV),
         ("FIC-1/PID1/MODE.ACTUAL", "FIC-1", Role.MODE),
         ("FIC-1/AO1/READBACK.CV", "FIC-1", Role.MV),
+        ("FIC-1/AI_POS/OUT.CV", "FIC-1", Role.MV),
+        ("FIC-1/ZT1/PV.CV", "FIC-1", Role.MV),
+        ("FIC-1/AI_DEPOSIT/OUT.CV", "FIC-1", Role.PV),
+        ("LIC701_LMNR_IN", "LIC701", Role.MV),
+        ("LIC701_PV_IN", "LIC701", Role.PV),
+        ("FIC501.Stellgröße", "FIC501", Role.OP),
+        ("FIC501.Istwert", "FIC501", Role.PV),
+        ("FIC501.Sollwert", "FIC501", Role.SP),
+        ("FIC501.Stellungsrückmeldung", "FIC501", Role.MV),
         ("OP", "", Role.OP),
         ("F74_00_tph", "", None),
         ("P74_00_P1_kPa", "", None),
@@ -81,6 +90,25 @@ def test_description_confirms_or_contradicts() -> None:
     """A description makes .MV the output, and a contradiction takes a role away."""
     assert roles_of(("A.MV", "", "Feed_OP"))["A.MV"] is Role.OP
     assert roles_of(("A.OP", "%", "Feed set point"))["A.OP"] is None
+
+
+def test_the_position_block_of_a_module_is_no_measurement() -> None:
+    """Its OUT is neither the PV, of which the controller's would be a copy, nor the output."""
+    tags = ("F1/PID1/OUT.CV", "F1/PID1/PV.CV", "F1/AI_POS/OUT.CV")
+    found = propose_roles([(tag, "%", "", None) for tag in tags], stem="f", mv_is_output=False)
+    assert [item.role for item in found] == [Role.OP, Role.PV, Role.MV]
+    assert found[2].remark == "by its block 'AI_POS'"
+
+
+def test_mv_beside_sv_is_the_output() -> None:
+    """Faceplates with PV, SV and MV call the manipulated variable MV. An output of the loop's own,
+    or a description of something else, leaves the doubt."""
+    tags = (("21FC1.PV", "", ""), ("21FC1.SV", "", ""), ("21ZI1.PV", "%", ""))
+    found = roles_of(*tags, ("21FC1.MV", "%", ""))
+    assert (found["21FC1.MV"], found["21ZI1.PV"]) == (Role.OP, Role.MV)
+    assert roles_of(*tags, ("21FC1.MV", "%", ""), ("21FC1.OUT", "%", ""))["21FC1.MV"] is None
+    assert roles_of(*tags, ("21FC1.MV", "%", "Valve position"))["21FC1.MV"] is None
+    assert roles_of(("21FC2.SV", "", ""), ("21FC1.MV", "%", ""))["21FC1.MV"] is None
 
 
 def test_cv_needs_percent_and_a_neighbour() -> None:
@@ -217,6 +245,14 @@ def test_the_range_of_an_output_without_unit_is_stated_only_where_it_is_plain(
     assert ("low" in valve["tags"]["op"]) is known
     asked = [line for line in proposal.splitlines() if line.startswith("# low = 0.0   # seen: ")]
     assert len(asked) == (1 if known else 2)  # that of the position, and of OP
+
+
+def test_a_share_of_span_is_proposed_with_its_range(open_text) -> None:
+    """The unit says what 0 % and 100 % are."""
+    text = "Time,F1.OP [0-1]\n" + "".join(f"2026-01-05T06:00:{i:02d}Z,0.{i}\n" for i in range(60))
+    source = ProposedSource("historian", "a.csv", (open_text(text).inspect(),))
+    op = tomllib.loads(plant_toml([source]))["valves"][0]["tags"]["op"]
+    assert op == {"tag": "F1.OP", "unit": "0-1", "low": 0.0, "high": 1.0}
 
 
 @pytest.mark.parametrize(("start", "live"), [(4.0, True), (0.0, False)])

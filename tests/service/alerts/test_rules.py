@@ -34,9 +34,11 @@ from stemwatch.service.alerts.rules import (
 from stemwatch.service.config.service_schema import AlertRules
 from stemwatch.service.presenter.advice import first_step, parts_for, steps_for
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
+from stemwatch.service.presenter.finding import why_no_work
 from stemwatch.service.presenter.suspicion_words import HOW_SURE
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity
 from stemwatch.service.store.screenings.records import JudgedScreening, StoredValve
+from tests.service.example_mismatches import named
 from tests.service.report.test_without_position import cannot_tell, no_sign, suspected
 
 NOW = datetime(2026, 3, 2, tzinfo=UTC)
@@ -490,3 +492,22 @@ def test_growth_is_evidence_of_what_is_foreseen() -> None:
     assert rest == []
     assert "Also seen: S has grown from" in lead.text
     assert joined == ["grown:FIC-1"]
+
+
+def test_an_effect_that_belongs_to_the_machine_is_no_defect_in_the_message_either() -> None:
+    """A fitter who reads the mail alone would look for what the work order says needs no work."""
+    found = named()
+    inherent, defect = (replace(found.effects[0], inherent=flag) for flag in (True, False))
+    texts = []
+    for effect in (inherent, defect):
+        newest = screening(
+            2,
+            STICKY,
+            reason=f"The stem sticks. Beside friction: {effect.sentence}",
+            mismatch=replace(found, effects=(effect,)),
+        )
+        record = ValveRecord(valve=VALVE, screenings=[newest, screening(1, STICKY)])
+        raised, _ = apply_rules(record, RULES)
+        texts.append(raised[0].text)
+    assert texts[0].endswith(f"{inherent.sentence} {why_no_work([inherent])}")
+    assert texts[1].endswith(defect.sentence)

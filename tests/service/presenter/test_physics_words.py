@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from stemwatch.models.decision.verdicts import NEXT
 from stemwatch.models.mismatch.findings import Finding
+from stemwatch.models.verdict import Shape
+from stemwatch.service.presenter.advice import advice_for
 from stemwatch.service.presenter.finding import STEM_OF_A_DRIVE, present_effect, why_no_work
 from stemwatch.service.presenter.physics_words import finding_title
+from stemwatch.service.presenter.work_decision import STICTION
 from tests.service.example_mismatches import named, of_every_kind, second_effect
 
 
@@ -40,3 +44,9 @@ def test_what_needs_no_work_is_not_said_to_pass_a_test_that_it_does_not() -> Non
     card = present_effect(replace(effect, inherent=True))
     assert card.test is not None
     assert card.passes.endswith("; what was found here needs no work either")
+
+
+def test_a_jump_past_the_command_is_not_said_to_be_no_friction() -> None:
+    """Beside it slip overshoot may be named, which belongs to a stem that little damps."""
+    said = (NEXT[Shape.OVERSHOOT], *advice_for(STICTION[Shape.OVERSHOOT]).otherwise)
+    assert all("only where little damps the stem" in sentence for sentence in said)

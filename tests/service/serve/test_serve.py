@@ -18,11 +18,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import typer
 
 from stemwatch.connectors.modbus import read_devices
 from stemwatch.models.studies.simulator import demo_plant
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.cli.serve import _follow, run_sentence
+from stemwatch.service.cli.serve import _follow, _show, run_sentence
 from stemwatch.service.modbus_plant.live import LivePlant
 from stemwatch.service.modbus_plant.plant_file import plant_toml
 from stemwatch.service.modbus_plant.plant_server import PlantServer
@@ -289,3 +290,23 @@ def test_the_verdicts_of_a_run_are_those_of_recordings_where_a_valve_has_several
     assert run_sentence(many) == (
         "Run 7: done, 1 of 1 valves (22 recordings: 11 sticky, 11 healthy), 1 set aside"
     )
+
+
+def test_a_run_that_is_not_over_is_said_to_be_left(capsys) -> None:
+    """A full database ends the work of this command; the next one goes on with the run."""
+    run = StoredRun(
+        id=7,
+        started=datetime(2026, 3, 2, tzinfo=UTC),
+        finished=None,
+        command="",
+        software_version="",
+        settings_digest="",
+        counts={},
+        state=RunState.RUNNING,
+        total=6,
+        done=1,
+    )
+    with pytest.raises(typer.Exit) as ended:
+        _show(run)
+    assert ended.value.exit_code == 1
+    assert "Run 7 is left after 1 of 6 valves" in capsys.readouterr().out

@@ -19,6 +19,8 @@ WITH_PASSWORD = [
     "postgresql://watch:geheim?x@db.plant/stemwatch",
     "postgresql://db.plant/stemwatch?user=watch&password=geheim",
     "postgresql:///stemwatch?sslpassword=geheim&user=watch",
+    "host=db.plant user=watch password=geheim dbname=stemwatch",
+    "password='geheim geheim' host=db.plant",
 ]
 
 
