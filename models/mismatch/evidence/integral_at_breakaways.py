@@ -58,7 +58,7 @@ def _slopes(errors: Floats, sides: Floats, sums: Floats) -> tuple[Floats, Floats
     slopes: Floats = np.empty((sums.shape[0], 3))
     for _ in range(_ROUNDS):
         weighted = rows * weights[:, :, None]
-        inverse = np.linalg.pinv(np.swapaxes(weighted, 1, 2) @ rows)
+        inverse = np.asarray(np.linalg.pinv(np.swapaxes(weighted, 1, 2) @ rows), dtype=float)
         slopes = (inverse @ (np.swapaxes(weighted, 1, 2) @ errors)[:, :, None])[:, :, 0]
         residuals = errors - (rows @ slopes[:, :, None])[:, :, 0]
         spread = 1.4826 * np.median(np.abs(residuals), axis=1, keepdims=True) + _TINY
