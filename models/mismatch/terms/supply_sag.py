@@ -91,9 +91,9 @@ class SupplySag(CommandTerm):
         )
 
     def starts(self, summary: RecordingSummary) -> Floats:
-        """A fifteenth to a third of the move, either way, back within half a minute to five."""
+        """A twelfth to a quarter of the move, either way, back within half a minute to five."""
         unit = max(summary.interval_s, 1.0)
-        shares = (-0.35, -0.15, -0.07, 0.07, 0.15, 0.35)
+        shares = (-0.25, -0.08, 0.08, 0.25)
         return grid(shares, (10.0 * unit, 25.0 * unit, 45.0 * unit, 90.0 * unit))
 
     def shape(

@@ -14,14 +14,6 @@ def members(case):
 
 
 @pytest.mark.long
-def test_a_sag_in_a_short_record_is_given_beside_the_zero_error():
-    """In a quarter of an hour the zero is the easier one to find, and the sag does as well."""
-    ((named, *beside),) = members(draw_effect("supply_sag", 6, 4076, "short")[5])
-    assert named == "zero_shift"
-    assert "supply_sag" in beside
-
-
-@pytest.mark.long
 def test_a_sag_in_a_short_record_is_told_from_a_zero_error():
     """Where it was looked for from few recoveries, the zero error came first."""
     case = draw_hidden(11, 2114)[10]
