@@ -5,7 +5,9 @@
 The valves of ``stemwatch prove`` that hide one effect of the catalogue, and whose record shows it,
 are explained. Where the effect is not named, its term is fitted once more from its true size and
 the true S and J, and judged as any term: by the trajectories on unseen blocks, and by the
-likelihood of the whole record. One line for each, and a table of the records.
+likelihood of the whole record. One line for each, and a table of the records and one of the
+effects. Dwell, which has a search of its own, is judged by trajectories alone here;
+``bench_dwell --hidden`` has its likelihood.
 """
 
 from __future__ import annotations
@@ -351,16 +353,16 @@ def stored(recording: Recording) -> Recording:
     return replace(recording, signals=signals)
 
 
-def table(counts: Counter[tuple[str, str]]) -> str:
-    """How many were named, and why the others were not, by kind of record."""
+def table(counts: Counter[tuple[str, str]], of: str) -> str:
+    """How many were named, and why the others were not, by what the counts are ``of``."""
     kinds = list(dict.fromkeys(kind for kind, _ in counts))
-    lines = [f"{'record':22s}" + "".join(f"{head:>21s}" for head in ("asked", NAMED, *MISSED))]
+    lines = [f"{of:28s}" + "".join(f"{head:>21s}" for head in ("asked", NAMED, *MISSED))]
     for kind in (*kinds, "all"):
         of_kind = Counter[str]()
         for (other, why), count in counts.items():
             of_kind[why] += count if kind in (other, "all") else 0
         numbers = (of_kind.total(), *(of_kind[why] for why in (NAMED, *MISSED)))
-        lines.append(f"{kind:22s}" + "".join(f"{number:21d}" for number in numbers))
+        lines.append(f"{kind:28s}" + "".join(f"{number:21d}" for number in numbers))
     return "\n".join(lines)
 
 
@@ -371,6 +373,7 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=400)
     requested = parser.parse_args()
     counts: Counter[tuple[str, str]] = Counter()
+    of_effects: Counter[tuple[str, str]] = Counter()
     for number, drawn in enumerate(draw_hidden(requested.cases, requested.seed), start=1):
         if not of_the_catalogue(drawn):
             continue
@@ -382,14 +385,17 @@ def main() -> None:
         mismatch = explain(recording)
         if any(slug in effect.members for effect in mismatch.effects):
             counts[kind, NAMED] += 1
+            of_effects[slug, NAMED] += 1
             continue
         truth = from_truth(case, recording)
         why = why_missed(slug, mismatch, truth)
         counts[kind, why] += 1
+        of_effects[slug, why] += 1
         said = " and ".join(effect.slug for effect in mismatch.effects) or mismatch.finding
         strong = "" if truth is None else f"; from the truth {truth}"
         print(f"{number:4d} {slug}, {case.concealment}: {why}; said: {said}{strong}", flush=True)
-    print(table(counts))
+    print(table(counts, "record"))
+    print(table(of_effects, "effect"))
 
 
 if __name__ == "__main__":
