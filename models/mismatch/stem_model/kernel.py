@@ -554,10 +554,9 @@ def follow(
     """Run ``m <= LANES`` stems of ``numbers`` (m, 24), each over a row of ``force`` (r, n).
 
     ``rows`` (m,) says which; forces must be finite, percent. ``losses`` (m, blocks) receives the
-    sums of the loss, ``out`` (n, m) the readings sample by sample, percent of MV, and
-    ``early_late`` (m, n), at the samples where the recorded stem lets go, how far the force was
-    below (negative) or beyond ``fs``, percent, or 0 where the run did not let go with it, as in one
-    without a window. Of the last two, empty ones are left alone.
+    sums of the loss, ``out`` (n, m) the readings, percent of MV, and ``early_late`` (m, n), where
+    the recorded stem lets go, how far the force was below (negative) or beyond ``fs``, percent, or
+    0 where the run did not let go with it. Of the last two, empty ones are left alone.
     """
     # Unpacked first: an array that is read from the tuple is reference-counted at every sample.
     mv, marks, next_up, next_down, dt, window = record
@@ -585,7 +584,8 @@ def follow(
             _wander_and_rest(s, numbers, tables, seen, k, t, laid_out[o:])
         if mark == _START:
             full += _start(s, m, t, (mv[k], slack[k], charged), laid_out[o:])
-            early_late[:, k : k + 1], k = 0.0, k + 1
+            early_late[:, k : k + 1] = 0.0
+            k += 1
             continue
         up, down = window > 0.0 and next_up[k] == k, window > 0.0 and next_down[k] == k
         last = k + 1 if up or down or mark != 0 or heavy else min(n, k - k % AHEAD + AHEAD)
