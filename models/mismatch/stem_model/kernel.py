@@ -608,8 +608,7 @@ def follow(
                 _rise(s, rested, breakaway)
                 _set_levels(s, all_lanes, k)
                 _give_way(s, numbers, sample, laid_out)
-            if timed:
-                _wander(s, waving, wander, k)
+            _wander(s, waving, wander, k)
             _move_heavy(s, weighty, laid_out[o:], near_onset, dt)
             stop = k + 1 if varied or timed else end
             k, charged_more = move(s, laid_out, all_lanes, near_onset, mv, slack, charged, k, stop)
