@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from stemwatch.models.mismatch.acceptance.one_cause import of_one_kind
 from stemwatch.models.mismatch.evidence.describe_effect import (
     Directions,
     by_events,
@@ -72,12 +73,15 @@ def _needed_effect(
     in_directions: Directions,
 ) -> Effect:
     """A needed term as an effect; where breakaways showed it, with their evidence."""
-    coordinate_slice = layout.places[needed.term.slug]
+    own, coordinate_slice = needed.term.slug, layout.places[needed.term.slug]
+    # What is needed beside it is no rival; two of one kind become one effect afterwards.
+    beside = {slug for slug in layout.places if slug != own and not of_one_kind(slug, own)}
     alike = [slug for slug in needed.term.alike if slug not in layout.places]
+    members = dict.fromkeys((*needed.members, *alike))
     of_trajectories = effect(
         named.evaluator,
         needed.term,
-        tuple(dict.fromkeys((*needed.members, *alike))),
+        tuple(slug for slug in members if slug not in beside),
         best[coordinate_slice],
         candidate_draws[:, coordinate_slice],
         needed.advantage,

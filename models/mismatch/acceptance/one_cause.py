@@ -27,7 +27,7 @@ def one_cause(effects: Sequence[Effect]) -> tuple[Effect, ...]:
     """
     kept: list[Effect] = []
     for one in sorted(effects, key=lambda effect: -effect.evidence.mean):
-        same = next((k for k, other in enumerate(kept) if _one_kind(one, other)), None)
+        same = next((k for k, other in enumerate(kept) if of_one_kind(one.slug, other.slug)), None)
         if same is None:
             kept.append(one)
         else:
@@ -35,8 +35,9 @@ def one_cause(effects: Sequence[Effect]) -> tuple[Effect, ...]:
     return tuple(kept)
 
 
-def _one_kind(one: Effect, other: Effect) -> bool:
-    return any({one.slug, other.slug} <= kind for kind in KINDS)
+def of_one_kind(slug: str, other: str) -> bool:
+    """Whether two effects may be one cause."""
+    return any({slug, other} <= kind for kind in KINDS)
 
 
 def _with(stronger: Effect, weaker: Effect) -> Effect:
