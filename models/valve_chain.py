@@ -137,8 +137,6 @@ CHAIN_PARAMETERS = (
     ),
     _tunable("creep", "%/s", "Speed of a stem at rest, negative: falling", 0.0, None),
     _tunable("gives", "1", "Percent of travel that a stem at rest gives for a percent of force"),
-    _tunable("integral_time", "s", "Integral time of the positioner; 0 is none"),
-    _tunable("dead_zone", "%", "Error within which the positioner does not integrate"),
     _tunable("stop_low", "%", "The stem goes no lower", -NO_STOP, None),
     _tunable("stop_high", "%", "The stem goes no higher", NO_STOP, None),
     _tunable("tight_friction", "%", "Friction in one band of travel, percent of travel"),
@@ -202,7 +200,6 @@ _OF_TERM: Mapping[str, tuple[tuple[str, str], ...]] = {
     "motor_drive": (("drag", "s"), ("run_up", "s"), ("slowness_of_drive", "s")),
     "stem_creep": (("creep", "%/s"),),
     "presliding": (("gives", ""),),
-    "integrating_positioner": (("integral_rate", "1/s"), ("dead_zone", "%")),
     "travel_stop": (("inside_low", "%"), ("inside_high", "%")),
     "position_dependent_friction": (
         ("tight_friction", "%"),
@@ -354,7 +351,6 @@ def _named(name: str, value: float, delay: float) -> dict[str, float]:
         # A reading that is bent is the same as a force of that shape.
         "bow": {"load_linear": -TO_HEIGHT * value, "load_cube": TO_HEIGHT * value},
         "supply_share": {"supply_sag": 100.0 * value},
-        "integral_rate": {"integral_time": 1.0 / value if value > 0.0 else 0.0},
         "inside_low": {"stop_low": value if value > 0.0 else -NO_STOP},
         "inside_high": {"stop_high": 100.0 - value if value > 0.0 else NO_STOP},
     }.get(name, {name: value})

@@ -54,7 +54,6 @@ PHYSICS = (
     "dwell_dependent_breakaway",
     "stem_creep",
     "presliding",
-    "integrating_positioner",
     "supply_sag",
 )
 _QUICK_EFFECTS = (

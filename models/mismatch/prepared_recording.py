@@ -10,10 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stemwatch.models.mismatch.evidence.giving_at_rest import PRESLIDING, giving_at_rest
-from stemwatch.models.mismatch.evidence.integral_at_breakaways import (
-    INTEGRATING,
-    integral_at_breakaways,
-)
 from stemwatch.models.mismatch.fit.base_fit import (
     BaseFit,
     fit_base,
@@ -167,18 +163,6 @@ def prepare(
         )
     elif not gives.shows:
         refused.setdefault(PRESLIDING, "at rest the stem does not follow its command")
-    integral = integral_at_breakaways(
-        problem.op, problem.mv, problem.scored, base.evaluator.onsets, problem.interval_s
-    )
-    if measured.slack.any():
-        refused[INTEGRATING] = (
-            "the archive drew lines between the points that it kept, and does not tell when the "
-            "stem let go"
-        )
-    elif not integral.shows:
-        refused.setdefault(
-            INTEGRATING, "the stem does not let go sooner where OP had asked for more before"
-        )
     if not own_reading:
         refused |= dict.fromkeys(READING, "zero and span are those of the flow's characteristic")
     balance = force_balance(problem) if own_reading else None

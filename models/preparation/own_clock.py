@@ -26,7 +26,7 @@ from stemwatch.models.recording import Recording
 
 # The power of time in each unit that a result may have.
 POWER_OF_TIME: Mapping[str, int] = MappingProxyType(
-    {"": 0, "%": 0, "s": 1, "%/s": -1, "rad/s": -1, "1/s": -1, "1/h": -1, "%/h": -1}
+    {"": 0, "%": 0, "s": 1, "%/s": -1, "rad/s": -1, "1/h": -1, "%/h": -1}
 )
 # Units for times on a fast and on a slow clock; between FAST and SLOW times are said in seconds.
 FAST, SLOW = 0.5, 2.0  # seconds in the unit

@@ -76,7 +76,6 @@ PARAMETERS = {
     "c": "travel given for a percent of OP",
     "D": "drift over the record",
     "H": "what the spring holds back of a turn",
-    "T_i": "integral time",
     "U": "push of the fluid at mid-travel",
     "creep": "speed of the creep",
     "dwell_dependent_breakaway.b": "rise of the breakaway for 2.7 times the rest",
@@ -108,7 +107,6 @@ PARAMETERS = {
     "wn": "natural frequency",
     "zero": "error of the zero",
     "zeta": "damping ratio",
-    "zone": "dead zone of the integral",
 }
 
 

@@ -6,8 +6,7 @@ Of each effect it prints how often it is named: as the first name or in its clas
 name, only another effect, ``unknown`` or nothing; of valves with nothing hidden, how many are given
 a name, how many of these a name that asks for work, and how many are ``unknown``. The level is that
 of breakaway, (S + J)/2, which the air in the chamber does not change; it shortens the slips.
-Valves whose positioner has an integral part are counted apart. That it integrates is right of them
-and not what is hidden: ``integral`` are those of which nothing else is said.
+Valves whose positioner has an integral part are counted apart: it is not in the catalogue.
 """
 
 from __future__ import annotations
@@ -17,13 +16,11 @@ from collections import Counter, defaultdict
 
 import numpy as np
 
-from stemwatch.models.mismatch.evidence.integral_at_breakaways import INTEGRATING
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding, Mismatch
 from tests.benchmarks.another_hand import EFFECTS, NOTHING, HandValve, draw_hand_valve
 
 FIRST, FURTHER, OTHER, UNKNOWN, NONE = "first", "further", "another", "unknown", "none"
-INTEGRAL = "integral"
 NO_WORK = "no work"
 
 
@@ -33,10 +30,7 @@ def outcome(valve: HandValve, said: Mismatch) -> str:
         return UNKNOWN if said.finding is Finding.UNKNOWN else NONE
     if valve.hidden == NOTHING:
         return NO_WORK if all(effect.inherent for effect in said.effects) else OTHER
-    named = [one for one in said.effects if not (valve.positioner and one.slug == INTEGRATING)]
-    holds = [valve.hidden in effect.members for effect in named]
-    if not named:
-        return INTEGRAL
+    holds = [valve.hidden in effect.members for effect in said.effects]
     if holds[0]:
         return FIRST
     return FURTHER if any(holds) else OTHER
@@ -62,7 +56,7 @@ def main() -> None:
                 off[row].append(abs(S + J - valve.S - valve.J) / (valve.S + valve.J))
             names = ", ".join("/".join(effect.members) for effect in said.effects)
             print(f"  {row} {number}: {said.finding.value} {names}", flush=True)
-    words = (FIRST, FURTHER, OTHER, INTEGRAL, UNKNOWN, NONE, NO_WORK)
+    words = (FIRST, FURTHER, OTHER, UNKNOWN, NONE, NO_WORK)
     print(f"{'hidden':52s}" + "".join(f"{word:>9s}" for word in words) + "  level off, median")
     for row, count in counts.items():
         middle = f"{100.0 * np.median(off[row]):.0f} %" if off[row] else "-"

@@ -401,16 +401,7 @@ _SIGNATURES: Mapping[str, Callable[[Moves], EffectSignature | None]] = MappingPr
         "zero_shift": _zero,
         "span_error": _span,
         "travel_stop": _stopped,
-        **dict.fromkeys(
-            (
-                "sensor_drift",
-                "growing_stiction",
-                "stem_creep",
-                "presliding",
-                "integrating_positioner",
-            ),
-            _by_time,
-        ),
+        **dict.fromkeys(("sensor_drift", "growing_stiction", "stem_creep", "presliding"), _by_time),
         **dict.fromkeys(("low_speed_restick", "slip_overshoot"), _by_speed),
         **dict.fromkeys(("asymmetric_slip", "lost_motion", "dwell_dependent_breakaway"), _slips),
     }

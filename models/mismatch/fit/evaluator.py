@@ -80,7 +80,7 @@ def _means(losses: Floats, blocks: Bools, counts: Floats) -> Floats:
 
 @compiled()
 def _fill_base(base: Floats, restick: float, numbers: Floats) -> None:
-    """The base's coordinates (m, 6) into the numbers (m, 24) of the stems; ``restick`` is the speed
+    """The base's coordinates (m, 6) into the numbers (m, 22) of the stems; ``restick`` is the speed
     of sticking again of those that have none of their own.
     """
     for row in range(base.shape[0]):
@@ -400,7 +400,7 @@ class Evaluator:
         self, layout: CoordinateLayout, candidates: Floats
     ) -> tuple[Floats, Samples, Floats, Tables]:
         """Of up to LANES candidates (m, size): all forces that are kept (r, n), the row of each
-        candidate's (m,), numbers (m, 24) and tables. Buffers: what runs next writes over them.
+        candidate's (m,), numbers (m, 22) and tables. Buffers: what runs next writes over them.
         """
         rows = self._forces.of([(layout.shaping, candidates[:, layout.of_force])])
         self._fill([(layout, candidates)])

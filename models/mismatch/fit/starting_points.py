@@ -14,7 +14,6 @@ FRESH = (2.0, 4.0, 7.0)
 FRESH_RATIO = 0.4
 COMES_TO_REST = 0.02  # %/s
 PARTS_OF_PLAY = (0.5, 1.0, 0.75, 0.2)  # of it, that S alone has taken up
-PARTS_OF_LEVEL, RATIOS_OF_JUMP = (0.85, 1.0, 1.2), (0.25, 0.6)
 _LED_ASTRAY = ("travel_stop", "rate_limit", "asymmetric_rate_limit")
 
 
@@ -45,10 +44,6 @@ def beginnings(term: Term, S: float, J: float) -> list[Beginning]:
     if term.slug == "dwell_dependent_breakaway":
         # The term raises the breakaway only, by b ln(1 + rest/t0), so S and J both become smaller.
         return [own_reading, *(Beginning(S, J, S_less=k, J_less=k) for k in (1.0, 2.0, 3.0))]
-    if term.slug == "integrating_positioner":
-        # The integral lets the stem go at any force that OP asks for, so the base has no J.
-        of_level = [(k * (S + J) / (1.0 + r), r) for k in PARTS_OF_LEVEL for r in RATIOS_OF_JUMP]
-        return [own_reading, *(Beginning(s, r * s, plain=True) for s, r in of_level)]
     # A base without the term may have a biased reading, or a J of zero.
     return [
         own_reading,

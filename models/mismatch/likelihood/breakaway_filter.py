@@ -28,7 +28,6 @@ from numpy.typing import NDArray
 from stemwatch.models.mismatch.likelihood import stem_courses as course
 from stemwatch.models.mismatch.stem_model import stem as stem_number
 from stemwatch.models.mismatch.stem_model.inner_friction import drag_to
-from stemwatch.models.mismatch.stem_model.integral_action import integral_after
 from stemwatch.models.mismatch.stem_model.kernel import Record
 from stemwatch.models.mismatch.stem_model.lanes import never_raises
 from stemwatch.models.mismatch.stem_model.stem import Tables
@@ -238,21 +237,6 @@ def _offset_and_growth(q: Floats, wander: Floats, k: int, n: int) -> tuple[float
 
 
 @never_raises
-def _integrated(
-    force: Floats, q: Floats, mv: Floats, marks: NDArray[np.uint8], dt: float
-) -> Floats:
-    """(n,) the ``force`` with what the positioner has integrated: its errors are those of the
-    position that was read, ``mv``, up to the sample before."""
-    with_integral, integral = force.copy(), 0.0
-    for k in range(1, force.size):
-        rate = q[stem_number.INTEGRATES] if np.isfinite(mv[k - 1]) else 0.0
-        integral = integral_after(integral, force[k - 1], mv[k - 1], dt, rate, q[stem_number.ZONE])
-        integral = 0.0 if marks[k] == _START else integral
-        with_integral[k] += integral
-    return with_integral
-
-
-@never_raises
 def _followed(
     s: Floats,
     span: tuple[int, int],
@@ -344,7 +328,7 @@ def log_likelihood(
 ) -> None:
     """Write the logarithm of the likelihood of each block (n_blocks,) to ``by_block``.
 
-    ``force`` (n,) is the command that reaches the stem, percent; ``numbers`` (24,) and ``tables``
+    ``force`` (n,) is the command that reaches the stem, percent; ``numbers`` (22,) and ``tables``
     (of one stem) as in ``stem``, without inertia. The stem is set to its reading where ``record``
     is marked as a start. ``block`` and ``slack`` (n,) as in ``kernel.Scoring``; ``step`` is that of
     coarse readings, else 0, ``sigma`` the scale of the readings, both percent, and ``scatter`` that
@@ -362,8 +346,6 @@ def log_likelihood(
     q, now, end = numbers, course.U(0), course.U(0)
     (s, slides), alike = course.no_courses(dt, q), (_ALIKE_PLACE * sigma, _ALIKE_FORCE * scatter)
     by_block[:], spring = 0.0, np.empty(4)
-    if q[stem_number.INTEGRATES] != 0.0:
-        force = _integrated(force, q, mv, marks, dt)
     while k < n:
         if block[k] != current:
             likely = course.made_one(s, (now, end))
@@ -412,7 +394,7 @@ def log_likelihoods(
 ) -> float:
     """``log_likelihood`` of several stems, one after the other, into ``by_block`` (m, n_blocks).
 
-    ``rows`` (m,) are those of ``forces`` (r, n); ``numbers`` (m, 24) and ``tables`` are of the
+    ``rows`` (m,) are those of ``forces`` (r, n); ``numbers`` (m, 22) and ``tables`` are of the
     stems, ``scales`` (m, 2) of the readings and of the levels. A run that falls ``behind`` the
     ``best`` so far, of which ``least`` (n_blocks,) says what that leaves at the end of each block,
     is given up; both are kept for more stems, and the best is returned. No run is given up where

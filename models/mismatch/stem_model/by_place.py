@@ -97,7 +97,7 @@ def look_up(
         if moved:
             s[row.LOOKED_UP_AT + i] = x
             s[row.FRICTION + i] = table_value(friction, lane, x)
-            s[row.FORCE + i] = table_value(force, lane, x) - s[row.INTEGRAL + i]
+            s[row.FORCE + i] = table_value(force, lane, x)
         asked = moved
         if spring[0] != 0.0:
             if moved:

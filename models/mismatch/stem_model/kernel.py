@@ -31,7 +31,6 @@ from stemwatch.models.mismatch.stem_model.by_place import (
     share_and_least,
     table_value,
 )
-from stemwatch.models.mismatch.stem_model.integral_action import integral_after
 from stemwatch.models.mismatch.stem_model.lane_rows import LANES
 from stemwatch.models.mismatch.stem_model.lanes import (
     AHEAD,
@@ -124,8 +123,8 @@ def _begin(
         s[row.SIDE + i] = s[row.PRODUCT + i] = 1.0
         s[row.MOVING + i] = s[row.RESTED + i] = s[row.SPEED + i] = 0.0
         s[row.FORCE_AFTER + i] = s[row.FORCE + i] = s[row.WANDER + i] = 0.0
-        s[row.FRICTION + i] = s[row.BREAKAWAY + i] = s[row.INTEGRAL + i] = 0.0
-        s[row.LOOKED_UP_AT + i], s[row.COMMAND + i] = np.nan, force[rows[candidate], 0]
+        s[row.FRICTION + i] = s[row.BREAKAWAY + i] = 0.0
+        s[row.LOOKED_UP_AT + i] = np.nan
         s[row.SHARE + i], s[row.LEAST_GAP + i] = share_and_least(
             dt, q[stem_number.DRAG_S], q[stem_number.RESTICK], 0.0
         )
@@ -153,7 +152,6 @@ def used(numbers: Floats) -> tuple[bool, bool, bool]:
             or q[stem_number.BY_PLACE] != 0.0
             or q[stem_number.BY_REST] != 0.0
             or q[stem_number.GIVES] != 0.0
-            or q[stem_number.INTEGRATES] != 0.0
         )
         timed |= q[stem_number.BY_TIME] != 0.0
         heavy |= q[stem_number.RUN_UP_S] > 0.0
@@ -289,37 +287,6 @@ def _rise(s: Floats, resting: NDArray[np.int64], breakaway: Floats) -> None:
         rested = 0.0 if s[row.MOVING + i] > 0.0 else s[row.RESTED + i]
         s[row.BREAKAWAY + i] = breakaway[lane, int(rested)]
         s[row.RESTED + i] = rested + 1.0
-
-
-@never_raises
-def _integrate(
-    s: Floats,
-    numbers: Floats,
-    sample: tuple[float, int, np.uint64],
-    forces: Floats,
-    mv: Floats,
-    window: float,
-) -> None:
-    """Add to the force what the positioners have integrated since the sample before. ``sample`` as
-    in ``look_up``, which comes after.
-
-    In an assimilated run (``window`` > 0) their errors are those of the position that was seen: the
-    integral forgets nothing, so that a run which lets go a little late would have another one for
-    ever. In a free run, and where nothing was seen, they are those of the run's own reading.
-    """
-    dt, k, o = sample
-    seen = mv[k - 1] if window > 0.0 and k > 0 else np.nan
-    for lane in range(numbers.shape[0]):
-        i, rate = np.uint64(lane), numbers[lane, stem_number.INTEGRATES]
-        if rate == 0.0:
-            continue
-        before, zone = s[row.INTEGRAL + i], numbers[lane, stem_number.ZONE]
-        drift, wander, t = s[row.DRIFT + i], s[row.WANDER + i], k - 1 - 0.5 * mv.size
-        own = reading(s[row.Z + i], s[row.GAIN + i], s[row.OFFSET + i], drift, wander, t)
-        read = seen if np.isfinite(seen) else own
-        grown = integral_after(before, s[row.COMMAND + i], read, dt, rate, zone)
-        s[row.FORCE + i] -= grown - before
-        s[row.INTEGRAL + i], s[row.COMMAND + i] = grown, forces[o + i]
 
 
 @never_raises
@@ -494,9 +461,6 @@ def _wander_and_rest(
         s[row.X + i] = z if start else min(max(s[row.X + i], z - half), z + half)
         s[row.Z + i], s[row.MOVING + i], s[row.SPEED + i] = z, 0.0, 0.0
         s[row.RESTED + i] = 0.0 if start else s[row.RESTED + i]
-        if start:  # the integral begins anew
-            s[row.FORCE + i] += s[row.INTEGRAL + i]
-            s[row.INTEGRAL + i], s[row.COMMAND + i] = 0.0, laid_out[lane]
         if start and q[stem_number.HYSTERESIS] != 0.0:
             anchor(s, i, q[stem_number.WAY], z, (laid_out[lane] - z) / band)
     if mark != 0:
@@ -551,12 +515,13 @@ def follow(
     out: Floats,
     early_late: Floats,
 ) -> None:
-    """Run ``m <= LANES`` stems of ``numbers`` (m, 24), each over a row of ``force`` (r, n).
+    """Run ``m <= LANES`` stems of ``numbers`` (m, 22), each over a row of ``force`` (r, n).
 
     ``rows`` (m,) says which; forces must be finite, percent. ``losses`` (m, blocks) receives the
-    sums of the loss, ``out`` (n, m) the readings, percent of MV, and ``early_late`` (m, n), where
-    the recorded stem lets go, how far the force was below (negative) or beyond ``fs``, percent, or
-    0 where the run did not let go with it. Of the last two, empty ones are left alone.
+    sums of the loss, ``out`` (n, m) the readings sample by sample, percent of MV, and
+    ``early_late`` (m, n), at the samples where the recorded stem lets go, how far the force was
+    below (negative) or beyond ``fs``, percent, or 0 where the run did not let go with it, as in one
+    without a window. Of the last two, empty ones are left alone.
     """
     # Unpacked first: an array that is read from the tuple is reference-counted at every sample.
     mv, marks, next_up, next_down, dt, window = record
@@ -603,12 +568,12 @@ def follow(
         while k < end and charged_more == 0:
             if varied:  # not one function: passing all tables takes as long as using them
                 sample, near = (dt, k, np.uint64(k % AHEAD * lanes)), min(*near_onset)
-                _integrate(s, numbers, sample, laid_out, mv, window)
                 look_up(s, numbers, placed, friction, pushing, sample, row.MOVING, near, laid_out)
                 _rise(s, rested, breakaway)
                 _set_levels(s, all_lanes, k)
                 _give_way(s, numbers, sample, laid_out)
-            _wander(s, waving, wander, k)
+            if timed:
+                _wander(s, waving, wander, k)
             _move_heavy(s, weighty, laid_out[o:], near_onset, dt)
             stop = k + 1 if varied or timed else end
             k, charged_more = move(s, laid_out, all_lanes, near_onset, mv, slack, charged, k, stop)

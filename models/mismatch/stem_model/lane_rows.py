@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 LANES = 32  # candidates that run side by side at most
-COUNT = 41  # rows
+COUNT = 39  # rows
 _rows = (np.uint64(row * LANES) for row in range(COUNT))
 
 # State of the stem.
@@ -20,8 +20,6 @@ MOVING = next(_rows)  # 1 while it moves, 0 at rest
 FORCE_AFTER = next(_rows)  # the force on it that its motion in a sample has left
 LET_GO_AT = next(_rows)  # the force, with its sign, at which it let go in this sample, else 0
 RESTED = next(_rows)  # samples since it came to rest
-INTEGRAL = next(_rows)  # of its positioner
-COMMAND = next(_rows)  # of the sample before, where that integrates
 
 # Constants of a run.
 SHARE = next(_rows)  # of the gap, that it covers in a sample
@@ -40,7 +38,7 @@ FS_UP = next(_rows)  # breakaway, rising
 FS_DOWN = next(_rows)
 FD_UP = next(_rows)  # sliding, rising
 FD_DOWN = next(_rows)
-FORCE = next(_rows)  # that depends on place, less the positioner's integral
+FORCE = next(_rows)  # that depends on place
 
 # Reading and loss.
 GAIN = next(_rows)

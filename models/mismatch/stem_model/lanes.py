@@ -161,16 +161,15 @@ def move(
 
 @never_raises
 def alike(numbers: Floats) -> bool:
-    """Whether no stem has inertia, creeps, gives way, meets a stop, has play, has a positioner that
-    integrates, or jumps differently in its two directions: ``slide`` and ``_slide_varied`` then do
-    what ``move`` does, with less work.
+    """Whether no stem has inertia, creeps, gives way, meets a stop, has play, or jumps differently
+    in its two directions: ``slide`` and ``_slide_varied`` then do what ``move`` does, with less
+    work.
     """
     for q in numbers:
         if (
             q[stem_number.ASYMMETRY] != 0.0
             or q[stem_number.CREEP] != 0.0
             or q[stem_number.GIVES] != 0.0
-            or q[stem_number.INTEGRATES] != 0.0
             or q[stem_number.STOP_LOW] > -np.inf
             or q[stem_number.STOP_HIGH] < np.inf
             or q[stem_number.PLAY] != 0.0

@@ -15,8 +15,6 @@ doi:10.1016/j.conengprac.2004.05.005): levels ``fs = (S + J)/2`` and ``fd = (S -
 - a force may depend on place (``force``), and on the way since a turn (``HYSTERESIS``, ``WAY``: see
   ``inner_friction``); a resting stem may creep, or give way to each change of the force
   (``GIVES``: see ``presliding``), stops may hold it,
-- the positioner may integrate (``INTEGRATES``, 1/s, outside ``ZONE``: see ``integral_action``):
-  then ``F = p + v - x - force(x)``,
 - a stem with inertia (``RUN_UP_S`` > 0, where a drive is sampled fast enough to show it) is moved
   by its force balance, ``DRAG_S (RUN_UP_S dv/dt + v) = d F - fd``, ``v >= 0``; the motor's part
   of ``F``, ``p - x``, goes no further than ``DRAG_S TOP_SPEED``, at which the voltage meets its
@@ -35,7 +33,7 @@ import numpy as np
 from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 
-# Order of the numbers (24,) of a stem.
+# Order of the numbers (22,) of a stem.
 (
     S,
     J,
@@ -59,10 +57,8 @@ from stemwatch.models.recording import Floats
     WAY,
     SOONER,
     GIVES,
-    INTEGRATES,
-    ZONE,
-) = range(24)
-N_NUMBERS = 24
+) = range(22)
+N_NUMBERS = 22
 PLACE_LOW, PLACE_HIGH, PLACES = -20.0, 120.0, 141
 
 _NEUTRAL = np.zeros(N_NUMBERS)
@@ -86,7 +82,7 @@ class Tables(NamedTuple):
 
 @dataclass
 class Stem:
-    """Numbers (24,) and tables of one run.
+    """Numbers (22,) and tables of one run.
 
     ``friction`` and ``force`` (141,) over place, ``breakaway`` (n + 1,) over the samples rested,
     ``wander`` (n + 1,) of the reading over time, all in percent of span. A term that fills a table
@@ -110,7 +106,7 @@ class Stem:
 def _clear(
     numbers: Floats, friction: Floats, force: Floats, breakaway: Floats, wander: Floats
 ) -> None:
-    """Reset the stems of ``numbers`` (m, 24) to neutral, and the tables that their flags name."""
+    """Reset the stems of ``numbers`` (m, 22) to neutral, and the tables that their flags name."""
     for row in range(numbers.shape[0]):
         if numbers[row, BY_PLACE] != 0.0:
             friction[row], force[row] = 0.0, 0.0
@@ -125,7 +121,7 @@ def _clear(
 
 @dataclass(frozen=True)
 class Stems:
-    """Stems that run side by side: each is a view of a row of ``numbers`` (m, 24) and tables."""
+    """Stems that run side by side: each is a view of a row of ``numbers`` (m, 22) and tables."""
 
     numbers: Floats
     tables: Tables

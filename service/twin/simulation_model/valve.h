@@ -34,8 +34,6 @@ enum {
 #define PI 3.141592653589793
 #define MOTOR_PARTS 4       /* of a sample, in which a stem with inertia is moved */
 #define ELEMENTS 3          /* of a spring with inner friction */
-#define NO_PRESSURE (-25.0) /* percent of the spring's range */
-#define SUPPLY 125.0
 #define LONGEST_DELAY 10000000.0 /* samples */
 
 typedef struct {
@@ -56,7 +54,6 @@ typedef struct {
     /* The stem: its place, where its reading stands, the way and speed it moves, how long it rested. */
     double x, z, way, speed;
     double left; /* of the force on it, after it has moved */
-    double integral, asked; /* of the positioner: what it has integrated, its last command */
     double anchor[ELEMENTS]; /* of the elements of the spring's inner friction */
     bool moving;
     double rested;
@@ -174,8 +171,6 @@ static bool restart(Valve *v)
     prepare(v);
     v->lagged = v->rung = v->limited = v->before_air = command;
     v->rung_speed = v->step = v->air = v->speed = v->rested = v->age = 0.0;
-    v->integral = 0.0;
-    v->asked = command;
     v->way = 1.0;
     v->moving = false;
     double per_op = fabs(v->q[TRAVEL_PER_OP]);
@@ -377,24 +372,13 @@ static void move(Valve *v, double force, Levels at)
     v->x = clipped(v->x, q[STOP_LOW], q[STOP_HIGH]);
 }
 
-/* What the positioner integrates in a sample while the position is outside of its dead zone. */
-static void integrate(Valve *v, double force)
-{
-    double error = v->asked - v->position;
-    double parts = v->q[INTEGRAL_TIME] > 0.0 ? v->q[SAMPLE_TIME] / v->q[INTEGRAL_TIME] : 0.0;
-    if (parts > 0.0 && fabs(error) > v->q[DEAD_ZONE])
-        v->integral = clipped(v->integral + parts * error, NO_PRESSURE - v->asked, SUPPLY - v->asked);
-    v->asked = force;
-}
-
 /* One sample of the valve. */
 static void advance(Valve *v)
 {
     double force = force_of(v), half = 0.5 * v->q[PLAY];
-    integrate(v, force);
     v->age += 1.0;
     Levels at = levels_of(v);
-    double load = table_at(v->force, v->x) + held_back(v) - v->integral;
+    double load = table_at(v->force, v->x) + held_back(v);
     v->rested = v->moving ? 1.0 : v->rested + 1.0;
     if (v->q[RUN_UP] > 0.0) move_with_inertia(v, force, load, at);
     else move(v, force - load, at);

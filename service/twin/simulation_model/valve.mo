@@ -34,8 +34,6 @@ protected
   discrete Real command, lagged, rung, ring_speed, limited, step, air, before_air, force;
   discrete Real x "The stem, %";
   discrete Real left "Of the force on the stem, after it has moved";
-  discrete Real integral "Of the positioner, %";
-  discrete Real asked "Of the positioner in the sample before, %";
   discrete Real z "Where its reading stands, %";
   discrete Real anchor[3] "Of the elements of the spring's inner friction, which slip at their reach, %";
   discrete Real way "1 rising, -1 falling";
@@ -77,8 +75,6 @@ algorithm
       step := 0;
       air := 0;
       speed := 0;
-      integral := 0;
-      asked := command;
       rested := 0;
       way := 1;
       moving := false;
@@ -158,15 +154,7 @@ algorithm
         pushed := pushed + spring_hysteresis * (x - anchor[i]) / (3 * reach);
         reach := 2 * reach;
       end for;
-      force := limited - share * air;
-      // The positioner integrates while the position is outside of its dead zone.
-      error := asked - position;
-      if integral_time > 0 and abs(error) > dead_zone then
-        integral := min(max(integral + sample_time / integral_time * error, -25 - asked), 125 - asked);
-      end if;
-      asked := force;
-      pushed := pushed - integral;
-      force := force - pushed;
+      force := limited - share * air - pushed;
 
       level := 0.5 * S * abs(travel_per_op) * (1 + friction_growth * course) + off;
       jump := 0.5 * J * abs(travel_per_op) * (1 + friction_growth * course);

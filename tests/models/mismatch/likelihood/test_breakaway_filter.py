@@ -98,7 +98,6 @@ def test_a_reading_that_is_far_off_in_coarse_steps_has_a_likelihood(
         {"ASYMMETRY": 0.4},
         {"CREEP": 0.2},
         {"GIVES": 0.05},
-        {"INTEGRATES": 0.1, "ZONE": 0.5},
         {"DRAG_S": 2.0},
         {"HYSTERESIS": 1.5, "WAY": 3.0, "BY_PLACE": 1.0},
         {"SOONER": 0.5},

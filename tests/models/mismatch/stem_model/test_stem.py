@@ -358,7 +358,6 @@ def drawn_runs(rng, count, n):
         "CREEP": (-0.01, 0.01), "DRAG_S": (0.0, 4.0), "RESTICK": (0.0, 1.0), "PLAY": (0.0, 1.0),
         "STOP_LOW": (20.0, 49.0), "STOP_HIGH": (51.0, 80.0), "ZERO": (-1.0, 1.0),
         "DRIFT": (-1.0, 1.0), "BY_PLACE": (1.0, 1.0), "BY_REST": (1.0, 1.0), "BY_TIME": (1.0, 1.0),
-        "INTEGRATES": (0.01, 0.2), "ZONE": (0.0, 2.0),
     }  # fmt: skip
     for stem in stems.each:
         for name, (low, high) in ranges.items():
@@ -403,7 +402,7 @@ def test_a_run_does_not_depend_on_the_other_lanes(seed, count):
 def test_stems_that_only_slide_run_to_the_last_bit_as_beside_one_with_play(seed, changing):
     """What is left out where no lane needs it changes nothing, whether levels change or not."""
     p, stems, record, scoring = drawn_runs(np.random.default_rng(seed), 8, 333)
-    for name in ("ASYMMETRY", "CREEP", "PLAY", "INTEGRATES"):
+    for name in ("ASYMMETRY", "CREEP", "PLAY"):
         stems.numbers[:, getattr(stem_number, name)] = 0.0
     stems.numbers[:, stem_number.STOP_LOW] = -np.inf
     stems.numbers[:, stem_number.STOP_HIGH] = np.inf
@@ -427,7 +426,7 @@ def test_how_far_a_spring_lets_a_stem_slide_is_left_out_where_it_surely_holds(se
     before tells; here that adds nothing."""
     rng = np.random.default_rng(200 + seed)
     p, stems, record, scoring = drawn_runs(rng, 8, 333)
-    for name in ("ASYMMETRY", "CREEP", "PLAY", "INTEGRATES") if alone else ():
+    for name in ("ASYMMETRY", "CREEP", "PLAY") if alone else ():
         stems.numbers[:, getattr(stem_number, name)] = 0.0
     if alone:
         stems.numbers[:, stem_number.STOP_LOW] = -np.inf
