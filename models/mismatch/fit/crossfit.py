@@ -8,7 +8,7 @@ Both folds, and all starting points of a search, advance together.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -48,10 +48,6 @@ class FitEffort:
 # 7171) half end after the second round: none of the 176 whose gain was beyond the limits in the
 # end, 10 of the 324 whose gain came near them (0.4 of them).
 LOOK = FitEffort(keep=2, rounds=5, first=((1, 2, 1.28), (1, 1, 1.05)), no_better=1.0)
-# At terms whose start that fits best at first is often that which changes least: of 18 tight spots,
-# uneven slips and sags (`prove`, seeds 2135 to 2137 and 2139) that pass if begun at the truth, two
-# starts find none.
-WIDER_LOOK = replace(LOOK, keep=4, first=((1, 4, 1.28), (1, 1, 1.05)))
 # On top of a term that is there already: of 2375 three in ten end, none of 135, 5 of 257. Where
 # only the seven or the twelve best terms of the first look were looked at instead, one name more
 # of 43 was lost (96 recordings of these seeds).

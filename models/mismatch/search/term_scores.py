@@ -18,7 +18,6 @@ from stemwatch.models.mismatch.fit.crossfit import (
     CAREFUL,
     LOOK,
     POLISH,
-    WIDER_LOOK,
     FitEffort,
     Fitted,
     better,
@@ -43,8 +42,6 @@ ATTEMPTS = 2  # looks at the terms of a stage, each on a base that was restarted
 # Terms that are looked at again where the base has moved, the best of the look before.
 LOOKED_AT_AGAIN = 7
 MOVED = 0.03  # mean advantage of a restarted base over itself from which all is done again
-# Of these a first look descends from more starts: their place or their way may be mistaken.
-LOOKED_AT_WIDER = ("position_dependent_friction", "asymmetric_slip", "supply_sag")
 PUT_BESIDE = 5  # terms that are put beside a hypothesis as they were fitted alone
 
 
@@ -88,8 +85,6 @@ def _looked_at(
     """A first look at one term on top of ``simple``."""
     rich = simple.layout.hypothesis.plus(term)
     losses_of_simple = own_losses(evaluator, simple)
-    if effort is LOOK and term.slug in LOOKED_AT_WIDER:
-        effort = WIDER_LOOK
     starts, layout = _starts(evaluator, simple, term, rich), evaluator.layout(rich)
     begun = yield from ranked(evaluator, layout, starts, effort.keep + CAREFUL.keep - 1)
     fitted = yield from from_best(evaluator, layout, begun, effort, losses_of_simple)

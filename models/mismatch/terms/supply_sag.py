@@ -91,10 +91,9 @@ class SupplySag(CommandTerm):
         )
 
     def starts(self, summary: RecordingSummary) -> Floats:
-        """A twelfth to a quarter of the move, either way, back within half a minute to five."""
+        """A tenth to a half of the move, back within a minute or five."""
         unit = max(summary.interval_s, 1.0)
-        shares = (-0.25, -0.08, 0.08, 0.25)
-        return grid(shares, (10.0 * unit, 25.0 * unit, 45.0 * unit, 90.0 * unit))
+        return grid((-0.4, -0.15, 0.15, 0.4), (8.0 * unit, 25.0 * unit, 80.0 * unit))
 
     def shape(
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
