@@ -35,8 +35,8 @@ LATE_REPORTS = (
     "The recording cannot tell, and nothing is named."
 )
 SHORTER_SLIPS = (
-    "The slips that S and J alone follow are shorter than those of the physics that would explain "
-    "this recording: it cannot be told whether anything is left out, and nothing is named."
+    "The physics that would explain this recording needs longer slips than those that S and J "
+    "alone follow: the recording cannot tell whether anything is left out, and nothing is named."
 )
 PERHAPS_EXCHANGED = (
     "The position moves {} before OP, so that OP may be the position and the position OP: what S "
@@ -73,8 +73,8 @@ def explained(
 
 
 def _slips_are_shorter(fitted: FittedRecording, found: Mismatch) -> bool:
-    """Whether slips that overshoot beside another effect are longer than those of the stick-slip
-    fit, and S is smaller, beyond both intervals.
+    """Whether slips that overshoot are named beside another effect, with a J above that of the
+    stick-slip fit, and J and S contradict the intervals of that fit.
 
     A stem that sticks again at each sample behind a drag or a slow actuator makes only the first
     part of each slip, so that twice the J there looks like the J of a quick one.

@@ -24,11 +24,7 @@ from stemwatch.service.config.service_schema import AlertRules
 from stemwatch.service.plant_path import levels_of
 from stemwatch.service.presenter.advice import after_first_step, first_step, parts_needed
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
-from stemwatch.service.presenter.finding import (
-    baseline_left,
-    stiction_grown,
-    why_no_work,
-)
+from stemwatch.service.presenter.finding import baseline_left, stiction_grown, why_no_work
 from stemwatch.service.presenter.suspicion_words import HOW_SURE
 from stemwatch.service.presenter.work_decision import DEPARTED, STICTION, WATCH
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert, to_do

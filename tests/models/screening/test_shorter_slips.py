@@ -51,7 +51,7 @@ def signal(tag: str, values: Floats) -> Signal:
 
 @pytest.mark.parametrize("seed", [1, 10])
 def test_what_would_need_longer_slips_is_not_named(seed: int) -> None:
-    """No drag that nobody has, beside half of S and twice J."""
+    """No drag is named that the valve does not have, and J is not doubled."""
     (found,) = screen([Case(recording=pressure_loop(seed))], Options(narx=False))
     assert found.mismatch is not None
     assert found.mismatch.sentence == SHORTER_SLIPS
