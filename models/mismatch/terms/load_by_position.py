@@ -43,13 +43,13 @@ class LoadByPosition(StemTerm):
     order = 12
     contains: tuple[str, ...] = ("flow_force", "span_error")
     words = Words(
-        plain="a load that depends on position pulls the stem off its command",
+        plain="a load that depends on position pulls the moving part off its command",
         decide=(
             "Take the load off, or raise the gain of the position controller: what a load pulls "
             "goes or shrinks, an error of the reading stays."
         ),
         advice=FieldAdvice(
-            title="load pulls the stem off",
+            title="load pulls moving part off",
             steps=check_steps(
                 "desk: Compare the load with what drive and gain can hold: gain, size, gear.",
                 "look: Look for a weight, an unbalanced arm or a spring that is not as meant.",
@@ -104,7 +104,7 @@ class LoadByPosition(StemTerm):
         rise = parameters["rise"]
         towards = falling if number(rise) > 0.0 else rising
         return (
-            "A load that depends on position pulls the stem off its command: by "
+            "A load that depends on position pulls the moving part off its command: by "
             f"{size(rise)} of span more towards {towards} at 75 % of travel than at 25 %."
         )
 

@@ -51,7 +51,7 @@ class MotorDrive(StemTerm):
         "underdamped_positioner",
     )
     words = Words(
-        plain="a motor of finite gain moves the stem: it lags, runs up, and has a top speed",
+        plain="a motor of finite gain drives the moving part: it lags, runs up, has a top speed",
         decide=(
             "Raise the gain of the position controller: lag, dead band and the pull of a load all "
             "shrink as one over the gain, the run-up time does not."
@@ -114,7 +114,7 @@ class MotorDrive(StemTerm):
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
         return (
-            "A motor of finite gain moves the stem: it follows with a time constant of "
+            "A motor of finite gain drives the moving part: it follows with a time constant of "
             f"{parameters['tau']} and runs up in {parameters['run_up']}."
         )
 

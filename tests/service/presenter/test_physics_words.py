@@ -7,7 +7,7 @@ from dataclasses import replace
 from stemwatch.models.decision.verdicts import NEXT
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.verdict import Shape
-from stemwatch.service.presenter.advice import advice_for
+from stemwatch.service.presenter.advice import advice_for, term_words
 from stemwatch.service.presenter.finding import STEM_OF_A_DRIVE, present_effect, why_no_work
 from stemwatch.service.presenter.physics_words import finding_title
 from stemwatch.service.presenter.work_decision import STICTION
@@ -36,6 +36,14 @@ def test_of_a_drive_it_is_said_what_the_stem_is() -> None:
     assert "belongs to such a machine" in why_no_work([drive])
     assert STEM_OF_A_DRIVE in why_no_work([drive])
     assert STEM_OF_A_DRIVE not in why_no_work([replace(drive, slug="slip_overshoot")])
+
+
+def test_what_is_named_of_drives_alone_knows_no_stem() -> None:
+    """A servo has a shaft, an actuator a stem: what is said of either calls it the moving part."""
+    for slug in ("motor_drive", "load_by_position"):
+        words = term_words(slug)
+        assert words is not None
+        assert "stem" not in f"{words.plain} {words.decide} {words.advice.title} {words.check}"
 
 
 def test_what_needs_no_work_is_not_said_to_pass_a_test_that_it_does_not() -> None:
