@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from stemwatch.service.studies.twin import FALL, run_twin_study
-from tests.service.conftest import BLIND, STICKY
+from tests.service.conftest import BLIND, STICKY, write_small_plant
 
 
 def test_the_twin_of_a_valve_shows_five_usual_changes(
@@ -79,8 +79,10 @@ def test_the_study_holds_twins_to_the_plant() -> None:
 
 
 @pytest.mark.long
-def test_a_price_in_the_plant_file_becomes_money(stemwatch, plant: Path, tmp_path: Path) -> None:
-    """In the report's head, the valve's section and JSON alike; a wrong price is named."""
+def test_a_price_in_the_plant_file_becomes_money(stemwatch, tmp_path: Path) -> None:
+    """In the report's head, the valve's section and JSON alike; a wrong price is named. An hour of
+    the valve: by a quarter of one, some processes that explain it as well swing by themselves."""
+    plant = write_small_plant(tmp_path, (STICKY,), 60)
     text = plant.read_text(encoding="utf-8")
     unpriced = re.sub(r"(?m)^(currency|price_per_unit_hour) = .*\n", "", text)
     priced = unpriced.replace("[plant]", '[plant]\ncurrency = "EUR"').replace(
