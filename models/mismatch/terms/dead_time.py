@@ -16,7 +16,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.stem_model.delay import delayed
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._common import CommandTerm, about_value
+from stemwatch.models.mismatch.terms._common import CommandTerm, about_value, longest
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -30,15 +30,7 @@ ABOUT_A_SAMPLE = 1.2  # own seconds, and samples
 ABOUT_TWO_SAMPLES = 2.2
 AT_THE_END = 0.99  # of the longest delay that is tried
 STARTS = (0.5, 1.0, 1.75, 2.5, 3.5, 4.5, 6.0, 8.0, 10.0, 12.5, 15.5, 19.0, 23.0)  # units
-LONGEST_S, MOST_UNITS = 12.0, 24.0  # that are tried; the latter on a clock quicker than a second
-
-
-def _longest(summary: RecordingSummary) -> float:
-    """The longest delay that is tried, in units of the own clock: a valve that is late by some
-    seconds is late by many samples where there are several a second.
-    """
-    in_units = min(LONGEST_S / summary.unit_s, MOST_UNITS)
-    return max(LONGEST_S, in_units, 10.0 * summary.interval_s)
+LONGEST_S = 12.0  # that is tried
 
 
 def about_a_sample(theta: float, summary: RecordingSummary) -> bool:
@@ -93,13 +85,13 @@ class DeadTime(CommandTerm):
     )
 
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
-        """The delay, up to 12 s, ten samples, or 24 of a quick clock."""
-        return (Coordinate(name="theta_s", low=0.0, high=_longest(summary)),)
+        """The delay, up to 12 s, ten samples, or 24 units of a quick clock."""
+        return (Coordinate(name="theta_s", low=0.0, high=longest(summary, LONGEST_S)),)
 
     def starts(self, summary: RecordingSummary) -> Floats:
         """Close enough together that an edge of a few seconds finds its place."""
         starts = np.array(STARTS) * max(summary.interval_s, 1.0)
-        return starts[starts < _longest(summary), None]
+        return starts[starts < longest(summary, LONGEST_S), None]
 
     def shape(
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
@@ -111,7 +103,7 @@ class DeadTime(CommandTerm):
         """More than what scanning alone makes, and less than the longest that is tried: a delay at
         that end has no size, and stands for something else."""
         least = MATERIAL * max(1.0, summary.interval_s)
-        return bool(least <= values[0] <= AT_THE_END * _longest(summary))
+        return bool(least <= values[0] <= AT_THE_END * longest(summary, LONGEST_S))
 
     def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """As long as tubing and air of a large valve take, or the clocks of a sound loop may
