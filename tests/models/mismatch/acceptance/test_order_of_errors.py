@@ -53,7 +53,12 @@ def test_what_does_not_stand_goes_before_the_others_are_judged(monkeypatch) -> N
     lacking, proposed = [], [{bump.slug, "lost_motion"}, {bump.slug}]
     named = SimpleNamespace(evaluator=None, sticks_again=None, needed=())
     monkeypatch.setattr(module, "named_effects", lambda *_: named)
-    monkeypatch.setattr(module, "lacking", lambda _, dropped: lacking.append(dropped) or named)
+
+    def without(_, dropped):
+        lacking.append(dropped)
+        return named
+
+    monkeypatch.setattr(module, "lacking", without)
     monkeypatch.setattr(module, "on_whole_record", lambda *_: (hypothesis, proposed.pop(0)))
     monkeypatch.setattr(module, "_holds", lambda _: not proposed)
     monkeypatch.setattr(questions.AskedOfTheWhole, "asked", lambda _, named, *__: named)
