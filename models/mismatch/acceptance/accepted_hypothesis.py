@@ -5,7 +5,7 @@ at least as well as S and J alone do; else the weakest is dropped, until they do
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import replace
 
 from stemwatch.models.mismatch.acceptance.air_or_drag import or_air
@@ -49,7 +49,7 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
             continue
         spring = spring or hypothesis.spring
         stand = {effect.slug for effect in hypothesis.effects}
-        if stand and not (_predicts_as_well(hypothesis) or _stands_all_the_same(hypothesis)):
+        if stand and not (_others_go_first(hypothesis, proposed) or _holds(hypothesis)):
             if named.sticks_again is not None:
                 named = whole.sliding(named)
                 continue
@@ -103,6 +103,19 @@ def _immaterial(hypothesis: AcceptedHypothesis) -> set[str]:
         if effect.slug in places
         and not catalogue()[effect.slug].material(hypothesis.best[places[effect.slug]], summary)
     }
+
+
+def _others_go_first(hypothesis: AcceptedHypothesis, proposed: Set[str]) -> bool:
+    """Whether effects were ``proposed`` that do not stand: they are part of the runs by which the
+    others are judged, and a fit without them is judged anew. Motor and load are one model.
+    """
+    stand = {effect.slug for effect in hypothesis.effects}
+    return stand != proposed and DRIVE not in hypothesis.layout.places
+
+
+def _holds(hypothesis: AcceptedHypothesis) -> bool:
+    """Whether the effects hold on unseen samples, in runs or by the likelihood."""
+    return _predicts_as_well(hypothesis) or _stands_all_the_same(hypothesis)
 
 
 def _predicts_as_well(hypothesis: AcceptedHypothesis) -> bool:

@@ -35,6 +35,29 @@ SLOW_AS_BUILT = (
 )
 
 
+LONGEST_LAG_S = 15.0  # that is tried
+SAMPLES = 10.0  # of a slow record, over which a delay or lag is looked for at least
+
+
+def longest(summary: RecordingSummary, usual_s: float) -> float:
+    """The longest delay or lag that is tried, in units of the own clock: ``usual_s`` of them. On a
+    clock quicker than a second as many true seconds, up to twice as many units: a valve that takes
+    some seconds takes many samples there.
+    """
+    in_units = min(usual_s / summary.unit_s, 2.0 * usual_s)
+    return max(usual_s, in_units, SAMPLES * summary.interval_s)
+
+
+def lags_from(summary: RecordingSummary, usual: Floats) -> Floats:
+    """The ``usual`` starts (k, ...) of a lag, and longer ones where the clock is quick, each half
+    as long again as the one before.
+    """
+    high, starts = longest(summary, LONGEST_LAG_S), usual
+    while summary.unit_s < 1.0 and 1.5 * starts[-1].max() < high:
+        starts = np.concatenate((starts, 1.5 * starts[-1:]))
+    return starts
+
+
 class _Defect:
     """Most terms: an effect of a material size is something to mend, may make the position swing,
     and is none of the base's own numbers."""

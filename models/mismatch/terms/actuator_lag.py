@@ -15,10 +15,13 @@ from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._common import (
     LAG_AS_BUILT_S,
+    LONGEST_LAG_S,
     MATERIAL_LAG_S,
     SLOW_AS_BUILT,
     CommandTerm,
     about_value,
+    lags_from,
+    longest,
 )
 from stemwatch.models.recording import Floats
 from stemwatch.models.signals.first_order_lag import lag_by_direction
@@ -67,13 +70,13 @@ class ActuatorLag(CommandTerm):
     )
 
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
-        """The time constant, up to 15 s or ten samples."""
-        return (Coordinate(name="tau_s", low=0.0, high=max(15.0, 10.0 * summary.interval_s)),)
+        """The time constant, up to 15 s, ten samples, or 30 units of a quick clock."""
+        return (Coordinate(name="tau_s", low=0.0, high=longest(summary, LONGEST_LAG_S)),)
 
     def starts(self, summary: RecordingSummary) -> Floats:
         """From half a second or half a sample upwards."""
         unit = max(summary.interval_s, 1.0)
-        return np.array([[0.5], [1.0], [2.0], [4.0], [6.0]]) * unit
+        return lags_from(summary, np.array([[0.5], [1.0], [2.0], [4.0], [6.0]]) * unit)
 
     def shape(
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats

@@ -15,10 +15,13 @@ from stemwatch.models.field_advice import SLOW_POSITIONER, FieldAdvice, FieldTes
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._common import (
     LAG_AS_BUILT_S,
+    LONGEST_LAG_S,
     MATERIAL_LAG_S,
     SLOW_AS_BUILT,
     CommandTerm,
     about_value,
+    lags_from,
+    longest,
     number,
 )
 from stemwatch.models.recording import Floats
@@ -72,7 +75,7 @@ class AsymmetricLag(CommandTerm):
 
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The two time constants, up to 15 s or ten samples."""
-        high = max(15.0, 10.0 * summary.interval_s)
+        high = longest(summary, LONGEST_LAG_S)
         return (
             Coordinate(name="tau_up_s", low=0.0, high=high),
             Coordinate(name="tau_down_s", low=0.0, high=high),
@@ -80,7 +83,8 @@ class AsymmetricLag(CommandTerm):
 
     def starts(self, summary: RecordingSummary) -> Floats:
         """Six sizes, each way, with the other way at a quarter of it."""
-        slow = max(summary.interval_s, 1.0) * np.array([1.3, 2.0, 3.0, 4.2, 6.0, 9.0])
+        unit = max(summary.interval_s, 1.0)
+        slow = lags_from(summary, unit * np.array([1.3, 2.0, 3.0, 4.2, 6.0, 9.0]))
         rising = np.stack([slow, 0.27 * slow], axis=1)
         return np.concatenate([rising, rising[:, ::-1]])
 

@@ -16,7 +16,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.stem_model.delay import delayed
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._common import CommandTerm, about_value
+from stemwatch.models.mismatch.terms._common import CommandTerm, about_value, longest
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -25,16 +25,17 @@ MATERIAL = 0.8  # seconds, and samples
 # Seconds that specifications allow the largest valves (EnTech 3.0, from memory).
 AS_BUILT_S = 1.2
 ABOUT_A_SAMPLE = 1.2  # own seconds, and samples
+# A controller that reads the position before it sets OP, as most do, and an archive that stamps
+# either tag a scan late make two samples; the air of a good valve takes 0.2 more.
+ABOUT_TWO_SAMPLES = 2.2
 AT_THE_END = 0.99  # of the longest delay that is tried
-
-
-def _longest(summary: RecordingSummary) -> float:
-    """The longest delay that is tried, in units of the own clock."""
-    return max(12.0, 10.0 * summary.interval_s)
+STARTS = (0.5, 1.0, 1.75, 2.5, 3.5, 4.5, 6.0, 8.0, 10.0, 12.5, 15.5, 19.0, 23.0)  # units
+LONGEST_S = 12.0  # that is tried
 
 
 def about_a_sample(theta: float, summary: RecordingSummary) -> bool:
-    """True where the clocks of a sound loop may differ by a delay of ``theta``."""
+    """True where the clocks of a sound loop may differ by a delay of ``theta``, and often do: it is
+    none of the valve's effects."""
     return theta <= ABOUT_A_SAMPLE * max(1.0, summary.interval_s)
 
 
@@ -77,16 +78,20 @@ class DeadTime(CommandTerm):
             cause="3.1",
             part="positioner",
         ),
+        no_work=(
+            "so short that the clocks of OP and position, a sample apart each way, or the air of a "
+            "large valve may make it: no work of its own"
+        ),
     )
 
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
-        """The delay, up to 12 s or ten samples."""
-        return (Coordinate(name="theta_s", low=0.0, high=_longest(summary)),)
+        """The delay, up to 12 s, ten samples, or 24 units of a quick clock."""
+        return (Coordinate(name="theta_s", low=0.0, high=longest(summary, LONGEST_S)),)
 
     def starts(self, summary: RecordingSummary) -> Floats:
         """Close enough together that an edge of a few seconds finds its place."""
-        unit = max(summary.interval_s, 1.0)
-        return np.array([[0.5], [1.0], [1.75], [2.5], [3.5], [4.5], [6.0]]) * unit
+        starts = np.array(STARTS) * max(summary.interval_s, 1.0)
+        return starts[starts < longest(summary, LONGEST_S), None]
 
     def shape(
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
@@ -98,12 +103,15 @@ class DeadTime(CommandTerm):
         """More than what scanning alone makes, and less than the longest that is tried: a delay at
         that end has no size, and stands for something else."""
         least = MATERIAL * max(1.0, summary.interval_s)
-        return bool(least <= values[0] <= AT_THE_END * _longest(summary))
+        return bool(least <= values[0] <= AT_THE_END * longest(summary, LONGEST_S))
 
     def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
-        """As long as tubing and air of a large valve take, or the clocks of a sound loop differ."""
+        """As long as tubing and air of a large valve take, or the clocks of a sound loop may
+        differ.
+        """
         theta = float(values[0])
-        return theta * summary.unit_s <= AS_BUILT_S or about_a_sample(theta, summary)
+        clocks = ABOUT_TWO_SAMPLES * max(1.0, summary.interval_s)
+        return theta * summary.unit_s <= AS_BUILT_S or theta <= clocks
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """theta, the dead time in seconds."""

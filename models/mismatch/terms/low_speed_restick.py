@@ -25,6 +25,10 @@ from stemwatch.models.recording import Floats
 # which it was named in error none has more than 0.23; of 31 on which it was hidden and named none
 # less than 0.36 (seeds 2062, 2114, 4060, 4062, 4063, 4064 and 4066).
 MATERIAL_PERCENT_PER_S = 0.3
+# Where sliding friction is the smaller one, which is what J is, it climbs back to its level on slow
+# moves. Up to this speed published friction of packings does: its Stribeck speed is 0.01 inch/s,
+# 0.25 to 1 %/s of a stroke of 4 to 1 inches (Kayihan and Doyle 2000, *memory*).
+AS_BUILT_PERCENT_PER_S = 1.0
 
 
 class LowSpeedRestick(StemTerm):
@@ -59,6 +63,10 @@ class LowSpeedRestick(StemTerm):
             ),
             **STICKING_PACKING,
         ),
+        no_work=(
+            f"no quicker than {AS_BUILT_PERCENT_PER_S:g} %/s, as any packing does that sticks more "
+            "at rest than in motion: no work of its own, S and J decide"
+        ),
     )
 
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
@@ -77,6 +85,12 @@ class LowSpeedRestick(StemTerm):
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """It stops on ramps that loops really make."""
         return bool(values[0] >= MATERIAL_PERCENT_PER_S)
+
+    def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
+        """As packings do whose friction is larger at rest; S and J decide whether that needs
+        work.
+        """
+        return bool(values[0] <= AS_BUILT_PERCENT_PER_S * summary.unit_s)
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """v_c, the speed in percent of travel a second below which the stem sticks again."""

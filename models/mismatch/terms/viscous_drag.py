@@ -18,10 +18,13 @@ from stemwatch.models.mismatch.stem_model import stem as stem_number
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._common import (
     LAG_AS_BUILT_S,
+    LONGEST_LAG_S,
     MATERIAL_LAG_S,
     SLOW_AS_BUILT,
     OneNumberTerm,
     about_value,
+    lags_from,
+    longest,
 )
 from stemwatch.models.recording import Floats
 
@@ -75,12 +78,12 @@ class ViscousDrag(OneNumberTerm):
 
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The time constant, up to 15 s or ten samples."""
-        return (Coordinate(name="tau_v_s", low=0.0, high=max(15.0, 10.0 * summary.interval_s)),)
+        return (Coordinate(name="tau_v_s", low=0.0, high=longest(summary, LONGEST_LAG_S)),)
 
     def starts(self, summary: RecordingSummary) -> Floats:
         """From half a second or half a sample upwards."""
         unit = max(summary.interval_s, 1.0)
-        return np.array([[0.5], [1.0], [2.0], [3.5], [6.0]]) * unit
+        return lags_from(summary, np.array([[0.5], [1.0], [2.0], [3.5], [6.0]]) * unit)
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """A slip that takes 0.2 s is not worth a work order."""

@@ -102,9 +102,10 @@ AS_BUILT = [
     ("asymmetric_lag", [0.3, 1.5]),
     ("asymmetric_rate_limit", [1 / 15.0, 1 / 2.8]),
     ("bowed_linkage", [1.9]),
-    ("dead_time", [0.97]),
+    ("dead_time", [2.1]),
     ("flow_force", [1.9]),
     ("load_by_position", [20.0, 0.0, -3.0]),
+    ("low_speed_restick", [0.9]),
     ("motor_drive", [20.0, 3.0, 0.0]),
     ("presliding", [0.02]),
     ("rate_limit", [1 / 3.2]),
@@ -120,8 +121,9 @@ DEFECTS = [
     ("asymmetric_rate_limit", [0.0, 1 / 1.5]),
     ("bowed_linkage", [-2.1]),
     ("spring_hysteresis", [1.0, 8.0]),
-    ("dead_time", [1.6]),
+    ("dead_time", [2.3]),
     ("flow_force", [-2.1]),
+    ("low_speed_restick", [1.1]),
     ("rate_limit", [1 / 1.5]),
     ("span_error", [-0.041]),
     ("viscous_drag", [1.7]),
@@ -452,6 +454,22 @@ def test_how_machines_are_built_is_counted_in_true_seconds(slug: str, values: li
     assert term.inherent(within, LOOK)
     if slug != "dead_time":  # the clocks of two tags may differ by a sample
         assert not term.inherent(within, replace(LOOK, unit_s=60.0))
+
+
+@pytest.mark.parametrize(
+    ("slug", "usual"),
+    [("actuator_lag", 15.0), ("asymmetric_lag", 15.0), ("dead_time", 12.0), ("viscous_drag", 15.0)],
+)
+def test_delays_of_some_seconds_are_looked_for_where_samples_are_quick(slug: str, usual: float):
+    """Eleven seconds are 22 samples at two a second; at a hundred a second, delays and lags are
+    looked for up to twice the usual number of samples."""
+    term = CATALOGUE[slug]
+    for unit_s, longest in ((1.0, usual), (0.5, 2.0 * usual), (0.01, 2.0 * usual), (5.0, usual)):
+        summary = replace(LOOK, unit_s=unit_s)
+        assert {one.high for one in term.coordinates(summary)} == {longest}
+        longest_start = term.starts(summary).max()
+        assert longest_start < longest
+        assert unit_s >= 1.0 or longest_start > 0.6 * longest
 
 
 @pytest.mark.parametrize(("gain", "perhaps"), [(0.9, True), (0.96, False), (1.1, False)])

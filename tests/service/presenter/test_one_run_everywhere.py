@@ -314,7 +314,7 @@ def test_the_workbook_says_what_the_live_pages_say(
 
 
 @pytest.mark.parametrize(
-    ("tag", "words", "effects"), [("FIC-9", "no defects", 2), ("FIC-10", "no work of its own", 1)]
+    ("tag", "words", "effects"), [("FIC-9", "is no defect", 2), ("FIC-10", "no work of its own", 1)]
 )
 def test_what_asks_for_no_work_is_a_defect_nowhere(
     ranking: Ranking,
