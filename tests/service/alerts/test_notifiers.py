@@ -161,6 +161,18 @@ def test_a_file_gets_a_line(make: Make, tmp_path: Path) -> None:
     assert [json.loads(line)["key"] for line in lines] == ["a", "b"]
 
 
+def test_a_line_that_was_cut_costs_no_other_message(make: Make, tmp_path: Path) -> None:
+    """A kill or a full disk may leave half a line; the message after it stands on its own."""
+    notifier = make('kind = "file"\npath = "alerts.jsonl"')
+    file = tmp_path / "alerts.jsonl"
+    file.write_text('{"key": "k0"}\n{"key": "k1", "subj', encoding="utf-8")
+    notifier.send("k1", HOSTILE)
+    whole, cut, again = file.read_text(encoding="utf-8").splitlines()
+    assert json.loads(whole)["key"] == "k0"
+    assert cut.endswith("subj")
+    assert json.loads(again)["key"] == "k1"
+
+
 def test_what_is_refused_was_not_sent(make: Make, mailbox, hook, tmp_path: Path) -> None:
     """The contract of every notifier: a receiver that does not take the message is an error that
     says who, so that it is tried again."""
