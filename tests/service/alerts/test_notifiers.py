@@ -239,7 +239,7 @@ def test_it_logs_in_encrypted_and_checks_the_certificate(
     notifier = make(mail(port, login))
     server.start()
     try:
-        with pytest.raises(NotSent, match="certificate verify failed"):
+        with pytest.raises(NotSent, match=r"certificate verify failed.*SSL_CERT_FILE"):
             notifier.send("k", HOSTILE)
         assert seen == []
         monkeypatch.setenv("SSL_CERT_FILE", str(certificate))
@@ -268,7 +268,7 @@ def made_certificate(folder: Path, context: ssl.SSLContext) -> Path:
 def test_a_server_without_encryption_gets_neither_mail_nor_password(make: Make, mailbox) -> None:
     """Somebody who takes STARTTLS out of the conversation gains nothing."""
     receiver, port = mailbox
-    with pytest.raises(NotSent, match="STARTTLS extension not supported"):
+    with pytest.raises(NotSent, match=r"STARTTLS extension not supported.*security and port"):
         make(mail(port, 'security = "starttls"')).send("k", HOSTILE)
     assert receiver.got == []
 
