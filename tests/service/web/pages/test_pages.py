@@ -42,6 +42,15 @@ def test_a_valves_page_says_what_was_found_and_what_is_known(client):
         assert answer in text
 
 
+def test_an_alert_tells_S_when_it_was_raised_and_now(client):
+    """On the valve's page, on that of alerts and in JSON: who plans the work sees that it grew."""
+    said = "S 2.10 % (1.90 to 2.30) when raised, 4.00 % (3.60 to 4.40) when last found."
+    assert said in page_of(client, STICKY)
+    assert said in client.get("/alerts").text.replace("\N{NO-BREAK SPACE}", " ")
+    first, *_ = client.get("/api/v1/alerts").json()
+    assert (first["S"], first["S_when_raised"]) == (4.0, 2.1)
+
+
 def test_a_valve_without_a_verdict_says_why(client):
     """The reason stands where the numbers would, and no number looks like one."""
     text = page_of(client, BLIND)
