@@ -27,13 +27,15 @@ WORK_FILES = {
 
 @dataclass(frozen=True, kw_only=True)
 class MaintenanceFiles:
-    """Where the maintenance report was written, and what is in it."""
+    """Where the maintenance report was written, what is in it, and which valves were left out
+    because the plant file does not name them any more."""
 
     html: Path
     pdf: Path
     xlsx: Path
     csv: Path
     work_list: WorkList
+    left_out: tuple[str, ...] = ()
 
 
 def write_maintenance(
