@@ -23,7 +23,9 @@ from stemwatch.service.store.store import Store
 
 VALVES_AT_ONCE = 250  # of one round of queries; times the depth, what one statement may name
 CAUSES_AT_ONCE = 500  # closed by one statement
-OF_SCREENING = frozenset(AlertKind) - {AlertKind.NO_DATA, AlertKind.COMMON}
+_ABOUT_A_VALVE = tuple(
+    cause(kind, "") for kind in AlertKind if kind not in (AlertKind.NO_DATA, AlertKind.COMMON)
+)
 GONE = "the plant file does not name this valve any more"
 CLEARED = "not found in the last runs any more"
 
@@ -121,7 +123,7 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     common_before = {cause for cause in open_before if cause.startswith(COMMON)}
     not_again = common_before - {alert.cause for alert in common}
     common_over = causes_over(not_again, set(valves_done), plant)
-    gone = _of_valves_gone(open_before, plant, valves_done)
+    gone = _of_valves_gone(open_before, plant)
     _clear(
         store,
         found.ended | dict.fromkeys(sorted(common_over), CLEARED) | dict.fromkeys(gone, GONE),
@@ -136,16 +138,14 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     return store.alerts.raise_all([*common, *new])
 
 
-def _of_valves_gone(
-    open_before: Collection[str], plant: Plant, valves_done: Sequence[str]
-) -> list[str]:
+def _of_valves_gone(open_before: Collection[str], plant: Plant) -> list[str]:
     """The open causes about valves that the plant file does not name any more: no run would ever
-    close them. None where the file has mistakes, since a valve may be missing for one of them."""
-    if plant.problems:
-        return []
-    kept = {cause(kind, valve) for kind in OF_SCREENING for valve in (*plant.valves, *valves_done)}
-    prefixes = tuple(cause(kind, "") for kind in OF_SCREENING)
-    return sorted(was for was in open_before if was.startswith(prefixes) and was not in kept)
+    close them."""
+    valve_of = {
+        about: about.partition(":")[2] for about in open_before if about.startswith(_ABOUT_A_VALVE)
+    }
+    gone = plant.not_named(valve_of.values())
+    return sorted(about for about, valve in valve_of.items() if valve in gone)
 
 
 def _by_rules(

@@ -169,12 +169,12 @@ def report_of_store(
 
 
 def _not_named(plant: Plant | None, valves: Collection[str]) -> set[str]:
-    """Those of ``valves`` that were removed from the plant file, or have another name there: work
-    on them would be ordered for ever, and twice. None where the file has mistakes, since a valve
-    may be missing for one of them, or where it is of another plant."""
-    if plant is None or plant.problems or plant.valves.keys().isdisjoint(valves):
+    """Those of ``valves`` that the plant file does not name any more: work on them would be ordered
+    for ever, and twice on one that has another name now. None where the file is of another
+    plant."""
+    if plant is None or plant.valves.keys().isdisjoint(valves):
         return set()
-    return set(valves) - plant.valves.keys()
+    return plant.not_named(valves)
 
 
 def _in_part(

@@ -51,6 +51,19 @@ def test_an_alert_tells_S_when_it_was_raised_and_now(client):
     assert (first["S"], first["S_when_raised"]) == (4.0, 2.1)
 
 
+def test_a_valve_that_left_the_plant_file_is_marked(live, client_of):
+    """In the ranking and on its page: its last finding must not be taken for one of today."""
+    assert live.plant is not None
+    fewer = {name: of for name, of in live.plant.valves.items() if name != STICKY}
+    client = client_of(replace(live, plant=replace(live.plant, valves=fewer)))
+    assert "The plant file does not name this valve" in page_of(client, STICKY)
+    row = client.get("/").text.partition(f"<bdi>{STICKY}</bdi>")[2].partition("</th>")[0]
+    assert "not in the plant file" in row
+    client = client_of(live)
+    assert "The plant file does not name" not in page_of(client, STICKY)
+    assert "not in the plant file" not in client.get(f"/?q={STICKY}").text
+
+
 def test_a_valve_without_a_verdict_says_why(client):
     """The reason stands where the numbers would, and no number looks like one."""
     text = page_of(client, BLIND)
