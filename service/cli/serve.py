@@ -126,12 +126,12 @@ def run_now(
             stop.set()
             if working is not None:
                 working.join()
-        run = store.run(number)
-        if working is not None and run.finished is not None:
+        result = store.run(number)
+        if working is not None and result.finished is not None:
             # No service is there that would send them, and try again what was not taken before.
             Sender(store, notifiers_of(loaded)).send_due()
         if wait or working is not None:
-            _show(run)
+            _show(result)
 
 
 def _load(plant: Path) -> Plant:

@@ -354,7 +354,8 @@ def _say_now(row: AlertRow, alert: RaisedAlert, now: datetime) -> None:
 def _kept(row: AlertRow) -> dict[str, Any]:
     """What stays in an alert's evidence when it tells of a newer window: what it was before, and S
     when it was raised."""
-    kept = {key: row.evidence[key] for key in ("formerly", "reopened") if key in row.evidence}
+    earlier = ("formerly", "reopened")
+    kept: dict[str, Any] = {key: row.evidence[key] for key in earlier if key in row.evidence}
     return {**kept, "when_raised": when_raised(row.evidence)}
 
 
