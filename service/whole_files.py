@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import BinaryIO
@@ -40,15 +41,31 @@ def _put(path: Path, write: Callable[[BinaryIO], None]) -> str:
             write(file)
         temporary.replace(path)
     except OSError as error:
-        temporary.unlink(missing_ok=True)
-        mend = "make room on its disk" if _is_full(error) else "close the program that has it open"
+        with suppress(OSError):  # not even that, where the file system takes no writes
+            temporary.unlink(missing_ok=True)
         return (
             f"{path}: could not be written ({error.strerror or error}); "
-            f"{mend}, or choose another folder, and run again."
+            f"{_mend(error)}, or choose another folder, and run again."
         )
     return ""
 
 
-def _is_full(error: OSError) -> bool:
-    """Whether a disk, or the share of it that a user may have, is full."""
-    return error.errno in (errno.ENOSPC, errno.EDQUOT)
+def _mend(error: OSError) -> str:
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):  # a disk is full, or the user's share of it
+        return "make room on its disk"
+    if error.errno == errno.EROFS:
+        return "make its file system writable"
+    if error.errno in (errno.EACCES, errno.EPERM):  # Windows says so of a file that is open
+        return "let this account write there, close the program that has it open"
+    return "close the program that has it open"
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for files where it is not there. Raises ``ReportNotWritten``."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ReportNotWritten(
+            f"{folder}: this folder could not be made ({error.strerror or error}); choose another, "
+            "or make it and let this account write there."
+        ) from None

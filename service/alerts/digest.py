@@ -10,7 +10,7 @@ from urllib.parse import urlencode
 from zoneinfo import ZoneInfo
 
 from stemwatch.service.config import Plant
-from stemwatch.service.presenter.alert_history import kind_words, opened_again
+from stemwatch.service.presenter.alert_history import S_since_raised, kind_words, opened_again
 from stemwatch.service.presenter.wording import instant, window
 from stemwatch.service.store.alerts.alerts import AlertSeverity, StoredAlert
 from stemwatch.service.store.store import Store
@@ -122,7 +122,8 @@ def _line(alert: StoredAlert, address: str, zone: str) -> str:
     first = f"First: {alert.first_step}" if alert.first_step else ""
     again = opened_again(alert.evidence, ZoneInfo(zone), zone)
     at_hand = f"Have at hand: {'; '.join(alert.parts)}." if alert.parts else ""
-    parts = [alert.text, first, alert.then, at_hand, found, again]
+    since = S_since_raised(alert.evidence)
+    parts = [alert.text, since, first, alert.then, at_hand, found, again]
     if alert.acknowledged is not None:
         comment = f": {alert.comment}" if alert.comment else ""
         by = alert.acknowledged_by or "somebody"

@@ -3,7 +3,7 @@ into one alert."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from zoneinfo import ZoneInfo
@@ -13,16 +13,20 @@ from stemwatch.models.history.fall_of_stiction import UnexplainedFall
 from stemwatch.service.alerts.after_maintenance import WRITER, note_fall, note_result_of_work
 from stemwatch.service.alerts.common_cause import COMMON, alert_of, causes_over, common_causes
 from stemwatch.service.alerts.one_per_cause import faded, one_per_cause, with_earlier_cause
-from stemwatch.service.alerts.rules import RATIO, ValveRecord, apply_rules
+from stemwatch.service.alerts.rules import RATIO, ValveRecord, apply_rules, cause
 from stemwatch.service.alerts.when_over import WINDOWS_BACK
 from stemwatch.service.config import Plant
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
-from stemwatch.service.store.alerts.alerts import JOINED, RaisedAlert
+from stemwatch.service.store.alerts.alerts import JOINED, AlertKind, RaisedAlert
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import Store
 
 VALVES_AT_ONCE = 250  # of one round of queries; times the depth, what one statement may name
 CAUSES_AT_ONCE = 500  # closed by one statement
+_ABOUT_A_VALVE = tuple(
+    cause(kind, "") for kind in AlertKind if kind not in (AlertKind.NO_DATA, AlertKind.COMMON)
+)
+GONE = "the plant file does not name this valve any more"
 CLEARED = "not found in the last runs any more"
 
 
@@ -119,7 +123,11 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     common_before = {cause for cause in open_before if cause.startswith(COMMON)}
     not_again = common_before - {alert.cause for alert in common}
     common_over = causes_over(not_again, set(valves_done), plant)
-    _clear(store, found.ended | dict.fromkeys(sorted(common_over), CLEARED))
+    gone = _of_valves_gone(open_before, plant)
+    _clear(
+        store,
+        found.ended | dict.fromkeys(sorted(common_over), CLEARED) | dict.fromkeys(gone, GONE),
+    )
     # An alert that is now part of a common cause is reported once, by the common alert.
     in_common = {alert.cause for group in groups.values() for alert in group}
     joined = [
@@ -128,6 +136,16 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     _clear(store, dict.fromkeys([*found.joined, *joined], JOINED))
     new = [alert for alert in found.raised if alert.cause not in in_common]
     return store.alerts.raise_all([*common, *new])
+
+
+def _of_valves_gone(open_before: Collection[str], plant: Plant) -> list[str]:
+    """The open causes about valves that the plant file does not name any more: no run would ever
+    close them."""
+    valve_of = {
+        about: about.partition(":")[2] for about in open_before if about.startswith(_ABOUT_A_VALVE)
+    }
+    gone = plant.not_named(valve_of.values())
+    return sorted(about for about, valve in valve_of.items() if valve in gone)
 
 
 def _by_rules(

@@ -10,6 +10,8 @@ import typer
 from stemwatch.service.cli import options as o
 from stemwatch.service.cli.store_options import named_store
 
+_SHOWN = 10  # valves left out that are named
+
 
 def maintenance_report(
     plant: Annotated[
@@ -41,6 +43,7 @@ def maintenance_report(
     The pages come as HTML and PDF, in the order of their priority, with what was found, what to
     check in which order, parts and isolation hints; the work orders as XLSX and CSV.
     """
+    from stemwatch.models.words import listed
     from stemwatch.service.cli import views
     from stemwatch.service.cli.reading import part_of
     from stemwatch.service.maintenance.stored import report_of_store
@@ -59,6 +62,11 @@ def maintenance_report(
             all_valves=everything,
         )
     views.out.print(files.work_list.counts, highlight=False)
+    if files.left_out:
+        views.say(
+            f"left out: {listed(files.left_out, _SHOWN)}: the plant file does not name them any "
+            "more; --valve asks for one"
+        )
     for path in (files.pdf, files.html, files.xlsx, files.csv):
         views.out.print(views.escape(str(path.resolve())), highlight=False, soft_wrap=True)
     views.say_next(

@@ -193,11 +193,12 @@ def _nothing_left_of_nothing(out: Path, address: DatabaseUrl) -> Iterator[None]:
     without one."""
     from stemwatch.connectors.connector import ConnectorError
     from stemwatch.service.store.database.engine import sqlite_files
+    from stemwatch.service.whole_files import make_folder
 
     database = sqlite_files(address)
     made = () if database and database[0].exists() else database
     folders = [folder for folder in (out, *out.parents) if not folder.exists()]
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     try:
         yield
     except Exception as error:

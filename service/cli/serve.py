@@ -79,11 +79,13 @@ def run_now(
     """Screen now, without waiting for a schedule.
 
     Where a service runs on the same database it does the work; otherwise this command does, with
-    alerts and report as on a schedule. Asked to stop (SIGTERM, Ctrl-C), it leaves the run to the
-    service, or to the next one that starts.
+    alerts, messages and report as on a schedule. Asked to stop (SIGTERM, Ctrl-C), it leaves the run
+    to the service, or to the next one that starts.
     """
     from stemwatch.connectors.connector import nearest_names
     from stemwatch.service import __version__
+    from stemwatch.service.alerts.notifiers import notifiers_of
+    from stemwatch.service.alerts.sender import Sender
     from stemwatch.service.cli import views
     from stemwatch.service.cli.reading import part_of, valves_in_part
     from stemwatch.service.process_lifecycle import on_stop_signal
@@ -124,8 +126,12 @@ def run_now(
             stop.set()
             if working is not None:
                 working.join()
+        result = store.run(number)
+        if working is not None and result.finished is not None:
+            # No service is there that would send them, and try again what was not taken before.
+            Sender(store, notifiers_of(loaded)).send_due()
         if wait or working is not None:
-            _show(store.run(number))
+            _show(result)
 
 
 def _load(plant: Path) -> Plant:

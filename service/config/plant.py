@@ -5,7 +5,7 @@ from __future__ import annotations
 import glob
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -65,6 +65,11 @@ class Plant:
     def beside(self, name: str) -> Path:
         """The path ``name``, relative to the folder of the plant file."""
         return self.file.parent / name
+
+    def not_named(self, valves: Iterable[str]) -> set[str]:
+        """Those of ``valves`` that the file does not name (any more): removed, or renamed. None
+        where the file has mistakes, since a valve may be missing for one of them."""
+        return set() if self.problems else set(valves) - self.valves.keys()
 
     def valve_tags(self, valve: str | Valve) -> ValveTags:
         """The valve's tags as a connector needs them. Raises ``KeyError`` for an unknown valve."""

@@ -129,7 +129,8 @@ def report_of_store(
     all_valves: bool = False,
 ) -> MaintenanceFiles:
     """Write the report of ``run``, or without one of each valve's latest screening, into
-    ``out_dir``; of ``valves`` only, where some are named, and of a ``part`` of the plant.
+    ``out_dir``; of ``valves`` only, where some are named, and of a ``part`` of the plant. Valves
+    that the plant file does not name any more are left out unless they are named here.
 
     Which effects beside friction stand is decided over all valves in either case. Raises
     ``StoreError`` where there is no such run, none of a valve that was named, or no such part.
@@ -148,8 +149,11 @@ def report_of_store(
             f"it has {counted(len(valves_of_run), 'valve')}, such as "
             f"{', '.join(sorted(valves_of_run)[:5]) or 'none'}"
         )
+    gone = _not_named(plant, valves_of_run) if run is None and not valves else set()
     if part:
         valves = _in_part(store, plant, part, valves or valves_of_run)
+    elif gone:
+        screenings = [screening for screening in screenings if screening.valve not in gone]
     chosen = [screening for screening in screenings if not valves or screening.valve in valves]
     context = ReportContext(
         started=datetime.now(UTC) if run is None else store.run(run).started,
@@ -160,7 +164,17 @@ def report_of_store(
         currency=plant.currency if plant is not None else "",
     )
     background = background_of(store, plant, run)
-    return write_maintenance(chosen, context, out_dir, background, everything=all_valves)
+    files = write_maintenance(chosen, context, out_dir, background, everything=all_valves)
+    return replace(files, left_out=tuple(sorted(gone)))
+
+
+def _not_named(plant: Plant | None, valves: Collection[str]) -> set[str]:
+    """Those of ``valves`` that the plant file does not name any more: work on them would be ordered
+    for ever, and twice on one that has another name now. None where the file is of another
+    plant."""
+    if plant is None or plant.valves.keys().isdisjoint(valves):
+        return set()
+    return plant.not_named(valves)
 
 
 def _in_part(

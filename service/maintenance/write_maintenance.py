@@ -12,7 +12,7 @@ from stemwatch.service.maintenance.valve_history import NOTHING_KNOWN, ValveHist
 from stemwatch.service.maintenance.work_list import WorkList, work_list_of
 from stemwatch.service.maintenance.work_orders import orders_csv, orders_xlsx
 from stemwatch.service.report.report_context import ReportContext
-from stemwatch.service.whole_files import put_all
+from stemwatch.service.whole_files import make_folder, put_all
 
 HTML, PDF = "maintenance.html", "maintenance.pdf"
 ORDERS_XLSX, ORDERS_CSV = "work-orders.xlsx", "work-orders.csv"
@@ -27,13 +27,15 @@ WORK_FILES = {
 
 @dataclass(frozen=True, kw_only=True)
 class MaintenanceFiles:
-    """Where the maintenance report was written, and what is in it."""
+    """Where the maintenance report was written, what is in it, and which valves were left out
+    because the plant file does not name them any more."""
 
     html: Path
     pdf: Path
     xlsx: Path
     csv: Path
     work_list: WorkList
+    left_out: tuple[str, ...] = ()
 
 
 def write_maintenance(
@@ -54,7 +56,7 @@ def write_maintenance(
     from stemwatch.service.maintenance.pdf import work_list_pdf  # reportlab takes long to import
 
     folder = Path(out_dir)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     work_list = work_list_of(screenings, context, background, everything=everything)
     files = MaintenanceFiles(
         html=folder / HTML,

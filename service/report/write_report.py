@@ -17,7 +17,7 @@ from stemwatch.service.report.json_contract import to_contract
 from stemwatch.service.report.ranking import Ranking, rank_valves
 from stemwatch.service.report.report_context import ReportContext
 from stemwatch.service.report.xlsx_file import write_xlsx
-from stemwatch.service.whole_files import write_all
+from stemwatch.service.whole_files import make_folder, write_all
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +47,7 @@ def write_report(
     file and what to do.
     """
     folder = Path(out_dir)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     files = ReportFiles(
         html=folder / "report.html",
         csv=folder / "valves.csv",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import logging
@@ -34,6 +35,12 @@ _BEGUN_IN_VAIN = (
     f"it was begun {MOST_ATTEMPTS} times and the process that read it came to no end: the file may "
     "take more memory than there is, or the service was stopped meanwhile. Look at its size, split "
     "it, and drop it again"
+)
+
+
+_NOT_TAKEN = (
+    "{name}: {error}; the account of the service must be able to read the file and to move it into "
+    f"{DONE}/ or {REJECTED}/ beside it"
 )
 
 
@@ -186,14 +193,25 @@ class WatchedFolder:
     def look(self) -> list[TakenFile]:
         """Store the samples of every complete file and return the files. Raises ``StoreError``
         where the store is not available; the files then stay where they are."""
-        fault = ""
+        faults: list[str] = []
         taken_files: list[TakenFile] = []
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            results = [self._take(path) for path in list(self._complete())]
-            taken_files += [file for file in results if file is not None]
+            if complete := list(self._complete()):
+                for subfolder in (DONE, REJECTED):  # else each look would read the files anew
+                    _make_writable(self.folder / subfolder)
         except OSError as error:
-            fault = f"{self.folder}: {error.strerror or error}"
+            complete = []
+            faults.append(f"{error.filename or self.folder}: {error.strerror or error}")
+        for path in complete:
+            try:
+                file = self._take(path)
+            except OSError as error:  # of this file alone: the others must not wait for it
+                faults.append(_NOT_TAKEN.format(name=path.name, error=error))
+            else:
+                taken_files += [] if file is None else [file]
+        fault = "; ".join(faults)
+        if fault:
             log.error("watched folder %s", fault)
         self._store_state(fault, taken_files)
         return taken_files
@@ -270,9 +288,7 @@ class WatchedFolder:
         self._attempts.end(file.digest)
 
     def _move(self, path: Path, subfolder: str, note: str) -> None:
-        folder = self.folder / subfolder
-        folder.mkdir(exist_ok=True)
-        target = _free(folder / path.name)
+        target = _free(self.folder / subfolder / path.name)
         if note:
             written = target.with_name(target.name + _NOTE)
             written.write_text(note + "\n", encoding="utf-8", errors="replace")
@@ -294,6 +310,14 @@ class WatchedFolder:
             figures=dict(self._counts),
         )
         self._store.sources.note(state)
+
+
+def _make_writable(folder: Path) -> None:
+    """Make the folder where it is not there. Raises ``OSError`` where files cannot be moved into
+    it."""
+    folder.mkdir(exist_ok=True)
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(folder))
 
 
 def _free(path: Path) -> Path:

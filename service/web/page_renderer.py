@@ -12,7 +12,7 @@ from fastapi import Request
 from fastapi.responses import HTMLResponse
 
 from stemwatch.service.access.sessions import form_token_of
-from stemwatch.service.presenter.alert_history import kind_words, opened_again
+from stemwatch.service.presenter.alert_history import S_since_raised, kind_words, opened_again
 from stemwatch.service.report.html_page import environment
 from stemwatch.service.report.report_context import ReportContext, software_name
 from stemwatch.service.web import assets
@@ -74,6 +74,7 @@ class PageRenderer:
             "nav": PAGES,
             "kind_words": kind_words,
             "opened_again": lambda alert: opened_again(alert.evidence, site.tz, site.zone),
+            "S_since_raised": lambda alert: S_since_raised(alert.evidence),
             "site": site,
             "software": software_name(),
             "valve_link": valve_link,

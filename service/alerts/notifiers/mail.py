@@ -15,11 +15,12 @@ from typing import Any, Self
 
 from stemwatch.connectors.connection_deadline import close_after
 from stemwatch.connectors.secret import Secret
-from stemwatch.service.alerts.notifiers.notifier import NotSent, revealed
+from stemwatch.service.alerts.notifiers.notifier import NotSent, revealed, why_not_connected
 from stemwatch.service.config.service_schema import NotifierTable
 
 TIMEOUT_S = 20.0  # for each answer
 MESSAGE_S = 28.0  # for all of a message
+_Refused = Mapping[str, tuple[int, bytes]]  # receivers, and what the server answered to each
 _PORTS = {"starttls": 587, "tls": 465, "none": 25}
 
 
@@ -98,16 +99,23 @@ class MailNotifier:
                 refused = self._say_to(server, password, mail, receivers)
         except smtplib.SMTPAuthenticationError:
             raise NotSent(f"{self.host} refused the login of {self.user}") from None
+        except smtplib.SMTPRecipientsRefused as error:  # it took the mail for nobody
+            refused = error.recipients
+        except smtplib.SMTPNotSupportedError as error:
+            raise NotSent(
+                f"{self.host}: {error} The keys security and port of the plant file must suit the "
+                'server: "starttls" mostly port 587, "tls" 465'
+            ) from None
         except (smtplib.SMTPException, OSError) as error:
-            raise NotSent(f"{self.host}: {type(error).__name__}: {error}") from None
+            raise NotSent(f"{self.host}: {why_not_connected(error)}") from None
         if refused:
             accepted_by.update(set(receivers) - refused.keys())
-            raise NotSent(f"{self.host} took no mail for {', '.join(sorted(refused))}")
+            raise NotSent(f"{self.host} took no mail for {_with_answers(refused)}")
         del self._taken[key]
 
     def _say_to(
         self, server: _Server, password: str | None, mail: EmailMessage, receivers: Sequence[str]
-    ) -> Mapping[str, object]:
+    ) -> _Refused:
         """Connect, log in and hand over the mail; returns the receivers that the server refused."""
         try:
             server.call(self.host, self.port or _PORTS[self.security])
@@ -115,7 +123,7 @@ class MailNotifier:
                 server.starttls(context=ssl.create_default_context())
             if self.user is not None and password is not None:
                 server.login(self.user, password)
-            refused: Mapping[str, object] = server.send_message(mail, to_addrs=receivers)
+            refused: _Refused = server.send_message(mail, to_addrs=receivers)
             with contextlib.suppress(smtplib.SMTPException, OSError):
                 server.quit()  # the mail was accepted, whatever the answer to QUIT
             return refused
@@ -133,3 +141,11 @@ class MailNotifier:
         mail["Auto-Submitted"] = "auto-generated"
         mail.set_content(str(message["text"]))
         return mail
+
+
+def _with_answers(refused: _Refused) -> str:
+    """Each receiver with the server's answer, which tells a wrong address from a full mailbox."""
+    return ", ".join(
+        f"{receiver} ({code} {answer.decode(errors='replace')})"
+        for receiver, (code, answer) in sorted(refused.items())
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ssl
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -55,3 +56,17 @@ def revealed(secret: Secret) -> str | None:
         return secret.reveal() if secret else None
     except ConnectorError as error:
         raise NotSent(str(error)) from None
+
+
+def why_not_connected(error: Exception) -> str:
+    """What hindered a connection, and what to do where the encryption did."""
+    if isinstance(error, ssl.SSLCertVerificationError):
+        reason = error.verify_message.rstrip(".")
+        return (
+            f"its certificate is not trusted: certificate verify failed, {reason}. "
+            "Give the server one for this name by an authority that this machine trusts, or name "
+            "the file of trusted ones in SSL_CERT_FILE"
+        )
+    if isinstance(error, ssl.SSLError):
+        return f"no encrypted connection came about on this port ({error.reason})"
+    return f"{type(error).__name__}: {error}"

@@ -22,7 +22,7 @@ from urllib.parse import SplitResult, urlsplit
 
 from stemwatch.connectors.connection_deadline import close_after
 from stemwatch.connectors.secret import Secret
-from stemwatch.service.alerts.notifiers.notifier import NotSent, revealed
+from stemwatch.service.alerts.notifiers.notifier import NotSent, revealed, why_not_connected
 from stemwatch.service.config.service_schema import NotifierTable
 
 # IPv6 addresses that stand for an IPv4 address: translators (RFC 6052), 6to4 (RFC 3056) and the old
@@ -117,7 +117,7 @@ class WebhookNotifier:
         try:
             status = self._post(parts, body, headers)
         except (OSError, http.client.HTTPException) as error:
-            raise NotSent(f"{parts.hostname}: {type(error).__name__}: {error}") from None
+            raise NotSent(f"{parts.hostname}: {why_not_connected(error)}") from None
         if not 200 <= status < 300:
             raise NotSent(f"{parts.hostname} answered with status {status}")
 

@@ -16,7 +16,7 @@ from sqlalchemy import ColumnElement, and_, func, or_, select
 from sqlalchemy.orm import Session
 
 from stemwatch.service.plant_path import WHOLE_PLANT, PartOfPlant
-from stemwatch.service.presenter.alert_history import last_opened_again
+from stemwatch.service.presenter.alert_history import last_opened_again, when_raised
 from stemwatch.service.store.alerts.tables import AlertRow
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions
@@ -102,6 +102,16 @@ class StoredAlert:
     def opened_again(self) -> datetime | None:
         """When it was opened again after it had closed, the last time."""
         return last_opened_again(self.evidence)
+
+    @property
+    def S(self) -> float | None:
+        """S in the window that the text is about, percent of OP span."""
+        return self.evidence.get("S")
+
+    @property
+    def S_when_raised(self) -> float | None:
+        """S in the window for which the alert was raised first, percent of OP span."""
+        return when_raised(self.evidence)["S"]
 
     @property
     def first_step(self) -> str:
@@ -311,8 +321,9 @@ def by_place(session: Session, alerts: Sequence[StoredAlert]) -> list[StoredAler
 
 
 def _say_again(row: AlertRow, alert: RaisedAlert, now: datetime) -> None:
-    """Update the open alert ``row`` about the same problem as ``alert``. Its text never becomes
-    weaker; an alert that became more urgent is sent to people once more."""
+    """Update the open alert ``row`` about the same problem as ``alert``: it tells the numbers of
+    the newest window, and another kind only where that is the stronger one. An alert that became
+    more urgent is sent to people once more."""
     row.seen = now
     renamed = row.cause != alert.cause
     if renamed or (alert.kind is AlertKind.STICKY and row.kind != alert.kind.value):
@@ -321,20 +332,31 @@ def _say_again(row: AlertRow, alert: RaisedAlert, now: datetime) -> None:
             row.told = None
         _say_now(row, alert, now)
     elif alert.evidence.get("window") is not None:
-        row.evidence = {**row.evidence, "last_window": alert.evidence["window"]}
+        last = {"last_window": alert.evidence["window"]}
+        if row.kind == alert.kind.value and not row.false_alarm:
+            row.text = alert.text
+            row.evidence = {**alert.evidence, **_kept(row), **last}
+        else:
+            row.evidence = {**row.evidence, **last}
 
 
 def _say_now(row: AlertRow, alert: RaisedAlert, now: datetime) -> None:
     """The row tells what ``alert`` does, and keeps what it told before."""
-    kept: dict[str, Any] = {
-        key: row.evidence[key] for key in ("formerly", "reopened") if key in row.evidence
-    }
+    kept = _kept(row)
     if row.kind != alert.kind.value or row.cause != alert.cause:
         before = {"kind": row.kind, "text": row.text, "until": now.isoformat()}
         kept["formerly"] = [*kept.get("formerly", ()), before]
     row.cause, row.kind, row.severity = alert.cause, alert.kind.value, alert.severity.value
     row.text, row.run_id = alert.text, alert.run_id
     row.evidence = {**alert.evidence, **kept}
+
+
+def _kept(row: AlertRow) -> dict[str, Any]:
+    """What stays in an alert's evidence when it tells of a newer window: what it was before, and S
+    when it was raised."""
+    earlier = ("formerly", "reopened")
+    kept: dict[str, Any] = {key: row.evidence[key] for key in earlier if key in row.evidence}
+    return {**kept, "when_raised": when_raised(row.evidence)}
 
 
 def _closed_lately(session: Session, alert: RaisedAlert) -> AlertRow | None:

@@ -215,7 +215,9 @@ class AlertLine(BaseModel):
     severity: str
     valve: str | None
     source: str | None
-    text: str
+    text: str = Field(description="of the newest window that shows the finding")
+    S: float | None = Field(description="in that window, percent of OP span")
+    S_when_raised: float | None = Field(description="in the window for which it was raised first")
     first_step: str = Field(description="what to do first; empty where an older version raised it")
     opened: datetime
     seen: datetime = Field(description="when its cause was last found")

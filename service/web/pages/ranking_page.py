@@ -65,6 +65,7 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
     alerted = deps.store.alerts.open_by_valve(deps.now)
     to_test = loops_to_test(next_steps(deps.store.without_verdict()))
     open_alerts = deps.open_alerts()
+    plant = deps.site.plant
     return deps.renderer.page(
         request,
         "ranking_page.html",
@@ -86,6 +87,7 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
             for line in page.lines
         ],
         alerted=alerted,
+        gone=plant.not_named(line.valve for line in page.lines) if plant else set(),
         open_alerts=open_alerts,
         verdicts={word: Verdict(word) if word != NOT_SCREENED else None for word in _VERDICTS},
         columns=COLUMNS,

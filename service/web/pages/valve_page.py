@@ -98,6 +98,7 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
         here="ranking",
         open_alerts=deps.open_alerts(),
         stored_valve=stored,
+        gone=deps.site.plant is not None and bool(deps.site.plant.not_named([name])),
         shown=shown_screening,
         by_window=store.evidence([name]).get(name),
         gauge_top=bar_top(max(numbers)),

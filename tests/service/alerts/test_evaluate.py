@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stemwatch.connectors.settings import Problem
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.record_checks.data_quality import DataQuality
 from stemwatch.models.recording import Recording, Role, Signal
@@ -30,6 +31,7 @@ from tests.service.alerts.conftest import plant_of
 from tests.service.open_alerts import open_alerts
 
 START = datetime(2026, 3, 2, tzinfo=UTC)
+MISTAKE = Problem(file="plant.toml", line=3, key="id", found="?", expected="a text")
 DEVICE = """
 [[notifiers]]
 name = "all"
@@ -110,6 +112,24 @@ def test_sticky_valves_are_each_an_alert_and_one_message(store: Store, plant: Pl
     assert message.notifier == "all"  # none is urgent enough for the night
     assert len(message.message["alerts"]) == 7
     assert message.message["subject"] == "P: 7 new alerts: V0, V1, V2, V3, V4, V5, V6"
+
+
+def test_the_alert_of_a_valve_that_left_the_plant_file_is_closed(
+    store: Store, plant: Plant
+) -> None:
+    """No run would look at it again, and so it would stand for ever. While the file has mistakes
+    the valve may be missing for one of them, and its alert stays."""
+    for hour in range(2):
+        run(store, plant, hour, ["V0", "V1"])
+    fewer = replace(plant, valves={name: of for name, of in plant.valves.items() if name != "V0"})
+    run(store, replace(fewer, problems=(MISTAKE,)), 2, ["V1"])
+    assert {alert.valve for alert in open_alerts(store)} == {"V0", "V1"}
+    run(store, fewer, 3, ["V1"])
+    assert {alert.valve for alert in open_alerts(store)} == {"V1"}
+    (closed,) = store.alerts.in_state("closed", datetime.now(UTC))
+    assert (closed.valve, closed.closed_why) == (
+        "V0", "the plant file does not name this valve any more",
+    )  # fmt: skip
 
 
 def test_a_message_links_to_the_pages_where_their_address_is_known(

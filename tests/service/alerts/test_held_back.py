@@ -122,7 +122,7 @@ def test_no_alert_comes_of_what_is_held_back(either_store: Store, plant: Plant) 
     (alert,) = open_alerts(store)
     assert (alert.kind, alert.valve) == (AlertKind.MISMATCH, "V01")
     assert alert.text.startswith("V01: There is play. Lost motion: first seen on ")
-    assert "confirmed in 3 of 3 windows" in alert.text
+    assert "confirmed in 4 of 4 windows" in alert.text  # of the newest window
     assert f"{alert.first_step} {alert.then}" == present_effect(EFFECT).check
 
 

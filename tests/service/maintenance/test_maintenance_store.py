@@ -8,8 +8,10 @@ from datetime import timedelta
 
 import pytest
 
+from stemwatch.connectors.settings import Problem
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.config import load_plant
 from stemwatch.service.maintenance.drawing import DrawnLine
 from stemwatch.service.maintenance.pdf import work_list_pdf
 from stemwatch.service.maintenance.stored import (
@@ -26,6 +28,7 @@ from tests.service.maintenance.example_work_list import text_of_pdf
 from tests.service.report.conftest import START, screening
 
 WEEK = timedelta(days=7)
+MISTAKE = Problem(file="plant.toml", line=3, key="id", found="?", expected="a text")
 
 
 @pytest.fixture
@@ -97,6 +100,24 @@ def test_a_valve_or_a_run_that_is_not_there_is_named_with_what_is(store, weeks, 
     with pytest.raises(StoreError, match="no run 99"):
         report_of_store(store, tmp_path / "out", run=99)
     assert not (tmp_path / "out").exists()
+
+
+def test_no_work_is_ordered_on_a_valve_that_left_the_plant_file(store, weeks, tmp_path):
+    """One that was removed or has another name by now, unless it is asked for by its name; while
+    the file has mistakes nothing is left out."""
+    file = tmp_path / "plant.toml"
+    source = '[[sources]]\nname = "s"\npath = "*.csv"\n'
+    tag = '[valves.tags.op]\ntag = "OP"\nunit = "%"\n'
+    file.write_text(f'{source}[[valves]]\nid = "FV-2"\nsource = "s"\n{tag}', encoding="utf-8")
+    plant = load_plant(file, environment={})
+    assert plant.problems == ()
+    files = report_of_store(store, tmp_path / "out", plant=plant)
+    assert (files.left_out, files.work_list.sheets) == (("FV-1",), ())
+    assert [other.valve for other in files.work_list.others] == ["FV-2"]
+    asked = report_of_store(store, tmp_path / "one", plant=plant, valves=["FV-1"])
+    assert [sheet.screening.valve for sheet in asked.work_list.sheets] == ["FV-1"]
+    in_doubt = replace(plant, problems=(MISTAKE,))
+    assert report_of_store(store, tmp_path / "all", plant=in_doubt).left_out == ()
 
 
 def test_what_stands_is_decided_over_all_valves_also_for_one(store, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 import math
 from dataclasses import replace
@@ -216,6 +217,32 @@ def test_one_locked_file_does_not_cost_the_others(make_screening, make_context, 
         "valves.json",
         "valves.xlsx",
     ]
+
+
+def test_a_file_system_without_writes_is_said_for_each_file(
+    make_screening, make_context, tmp_path, monkeypatch
+):
+    """Not even what was begun can be removed there; the error still says what to do."""
+
+    def refuse(path, *_args, **_kwargs):
+        raise OSError(errno.EROFS, "Read-only file system", str(path))
+
+    valves = [make_screening("FV-1", samples=50)]
+    monkeypatch.setattr(Path, "open", refuse)
+    monkeypatch.setattr(Path, "unlink", refuse)
+    with pytest.raises(ReportNotWritten) as caught:
+        write_report(valves, make_context(valves), tmp_path)
+    for name in ("report.html", "valves.csv", "valves.xlsx", "valves.json"):
+        said = f"{name}: could not be written (Read-only file system); make its file system"
+        assert said in str(caught.value)
+
+
+def test_a_folder_that_cannot_be_made_is_said(make_screening, make_context, tmp_path):
+    """With what hinders it and what to do."""
+    (tmp_path / "file").write_text("a file where a folder should be", encoding="utf-8")
+    valves = [make_screening("FV-1", samples=50)]
+    with pytest.raises(ReportNotWritten, match=r"file/report: this folder could not be made \("):
+        write_report(valves, make_context(valves), tmp_path / "file" / "report")
 
 
 def test_a_report_can_be_written_again(make_screening, make_context, tmp_path):

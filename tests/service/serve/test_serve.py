@@ -129,7 +129,10 @@ def test_the_first_link_leads_to_where_people_reach_the_pages(csv_site: Site) ->
 
 @pytest.mark.long
 def test_run_now_works_without_a_service(csv_site: Site) -> None:
-    """Where no service runs the command does the run itself, report and all."""
+    """Where no service runs the command does the run itself, with report, alerts and messages."""
+    file = csv_site.folder / "plant.toml"
+    at_once = "[alerts]\nraise_after_runs = 1\nof_runs = 1\n"
+    file.write_text(at_once + file.read_text("utf-8"), encoding="utf-8")
     result = csv_site.start("run-now")
     text, _ = result.communicate(timeout=180)
     assert result.returncode == 0, csv_site.log()
@@ -139,6 +142,8 @@ def test_run_now_works_without_a_service(csv_site: Site) -> None:
         (run,) = store.queue.recent()
         assert run.state is RunState.DONE
         assert (Path(run.report) / "report.html").is_file()
+    (message,) = (csv_site.folder / "alerts.jsonl").read_text("utf-8").splitlines()
+    assert "FIC-104" in json.loads(message)["subject"]
 
 
 @pytest.mark.long

@@ -236,6 +236,44 @@ def test_a_folder_that_cannot_be_used_is_said_and_looked_at_again(
     assert store.sources.states()[0].connected
 
 
+def test_a_file_that_cannot_be_read_holds_up_no_other(
+    folder: WatchedFolder, store: Store, export: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that belongs to another account is named with what to do, and is taken in once it can be
+    read; those beside it are taken in meanwhile."""
+    mine, opens = drop(folder, "a.csv", export.read_bytes()), Path.open
+    drop(folder, "b.csv", export.read_bytes() + b"\n")
+
+    def refuse(path: Path, *args: object, **kwargs: object) -> object:
+        if path == mine:
+            raise PermissionError(13, "Permission denied", str(path))
+        return opens(path, *args, **kwargs)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "open", refuse)
+        assert [file.name for file in twice(folder)] == ["b.csv"]
+    (state,) = store.sources.states()
+    assert not state.connected
+    assert state.fault.startswith("a.csv: [Errno 13] Permission denied")
+    assert "must be able to read the file" in state.fault
+    assert [file.name for file in folder.look()] == ["a.csv"]
+    assert store.sources.states()[0].connected
+
+
+def test_files_are_not_read_where_they_could_not_be_moved_away(
+    folder: WatchedFolder, store: Store, export: Path
+) -> None:
+    """Else the same file would be read at each look, and be rejected for it in the end."""
+    drop(folder, "a.csv", export.read_bytes())
+    hindrance = folder.folder / "done"
+    hindrance.write_text("a file where a folder should be", encoding="utf-8")
+    assert twice(folder) == []
+    assert str(hindrance) in store.sources.states()[0].fault
+    assert store.sources.files() == []
+    hindrance.unlink()
+    assert [file.name for file in folder.look()] == ["a.csv"]
+
+
 HEAD = b"Time;FIC-104.OP\n"
 ROW = b"2026-03-02 06:00:00;1,5\n"
 

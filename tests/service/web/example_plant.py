@@ -132,6 +132,12 @@ def fill(store: Store, *, months: int = 3) -> None:
                 severity=severity,
                 text=f"{valve} sticks: S 4.0 %.",
                 valve=valve,
+                evidence={
+                    "S": 4.0,
+                    "S_low": 3.6,
+                    "S_high": 4.4,
+                    "when_raised": {"S": 2.1, "S_low": 1.9, "S_high": 2.3},
+                },
             )
             for valve, severity in ((HOSTILE, AlertSeverity.LOW), (STICKY, AlertSeverity.HIGH))
         ]

@@ -8,6 +8,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
+from stemwatch.service.alerts.digest import message_of
 from stemwatch.service.store.administration.figures import figures_of
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert, state_of
 from stemwatch.service.store.errors import StoreError
@@ -45,6 +46,35 @@ def test_a_cause_that_comes_back_is_a_new_alert(store: Store) -> None:
     assert [
         alert.id for alert in store.alerts.in_state("all", datetime.now(UTC), valve="FIC-1")
     ] == [second, first]
+
+
+def of_size(S: float, day: int) -> RaisedAlert:
+    """As found in the window of a day."""
+    window = [f"2026-03-{day:02d}T00:00:00+00:00", f"2026-03-{day:02d}T06:00:00+00:00"]
+    evidence = {"S": S, "S_low": S - 0.2, "S_high": S + 0.2, "window": window}
+    return found(text=f"FIC-1: S is {S} %.", evidence=evidence)
+
+
+def test_an_open_alert_tells_todays_numbers_and_those_it_was_raised_with(store: Store) -> None:
+    """Its text is that of the newest window, as on the valve's page; it stays one alert, and who
+    acknowledged it stays."""
+    (number,) = store.alerts.raise_all([of_size(2.1, 1)])
+    store.alerts.acknowledge(number, "Ina", "in May")
+    for day, S in ((2, 2.8), (3, 3.4)):
+        assert store.alerts.raise_all([of_size(S, day)]) == []
+    alert = store.alerts.get(number)
+    assert (alert.text, alert.S, alert.S_when_raised) == ("FIC-1: S is 3.4 %.", 3.4, 2.1)
+    assert (alert.acknowledged_by, alert.comment) == ("Ina", "in May")
+    mail = message_of([alert], "plant", None)["text"]
+    assert "S 2.10 % (1.90 to 2.30) when raised, 3.40 % (3.20 to 3.60) when last found." in mail
+
+
+def test_an_alert_that_was_called_false_stays_as_it_was(store: Store) -> None:
+    """What somebody called false is what it said then."""
+    (number,) = store.alerts.raise_all([of_size(2.1, 1)])
+    store.alerts.mark_false(number, "Ina")
+    store.alerts.raise_all([of_size(3.4, 2)])
+    assert store.alerts.get(number).text == "FIC-1: S is 2.1 %."
 
 
 def test_acknowledging_and_snoozing_keep_the_person(store: Store) -> None:

@@ -42,6 +42,28 @@ def test_a_valves_page_says_what_was_found_and_what_is_known(client):
         assert answer in text
 
 
+def test_an_alert_tells_S_when_it_was_raised_and_now(client):
+    """On the valve's page, on that of alerts and in JSON: who plans the work sees that it grew."""
+    said = "S 2.10 % (1.90 to 2.30) when raised, 4.00 % (3.60 to 4.40) when last found."
+    assert said in page_of(client, STICKY)
+    assert said in client.get("/alerts").text.replace("\N{NO-BREAK SPACE}", " ")
+    first, *_ = client.get("/api/v1/alerts").json()
+    assert (first["S"], first["S_when_raised"]) == (4.0, 2.1)
+
+
+def test_a_valve_that_left_the_plant_file_is_marked(live, client_of):
+    """In the ranking and on its page: its last finding must not be taken for one of today."""
+    assert live.plant is not None
+    fewer = {name: of for name, of in live.plant.valves.items() if name != STICKY}
+    client = client_of(replace(live, plant=replace(live.plant, valves=fewer)))
+    assert "The plant file does not name this valve" in page_of(client, STICKY)
+    row = client.get("/").text.partition(f"<bdi>{STICKY}</bdi>")[2].partition("</th>")[0]
+    assert "not in the plant file" in row
+    client = client_of(live)
+    assert "The plant file does not name" not in page_of(client, STICKY)
+    assert "not in the plant file" not in client.get(f"/?q={STICKY}").text
+
+
 def test_a_valve_without_a_verdict_says_why(client):
     """The reason stands where the numbers would, and no number looks like one."""
     text = page_of(client, BLIND)
