@@ -35,9 +35,9 @@ from stemwatch.models.words import share
 # keeps out), PV or SP in the place of OP or position 0.5 times.
 DOUBTED, RELATED, UNRELATED_LEFT = 0.3, 0.7, 0.85
 ANOTHER_TIME, BY_ANOTHER = 0.85, 0.5
-# A minute's delay in a loop that moves slowly looks like a large S, which leaves less than 0.3 (a
-# healthy valve of `miswiring`, seed 2098, number 7: 0.28; at its own time 0.01). From 0.1 on another
-# time is believed where it leaves so little of what friction and a slow actuator leave.
+# A minute's delay in a loop that moves slowly looks like a large S, which leaves less than 0.3: a
+# healthy valve (`miswiring`, seed 2098, number 7) leaves 0.28, and 0.01 at its own time. From 0.1
+# on another time is believed where it leaves so little of what friction and a slow actuator leave.
 FOLLOWS_ENOUGH, PLAINLY_ANOTHER_TIME = 0.1, 0.5
 # A valve that hardly sticks agrees with its command either way round, and is healthy either way.
 # Either way round, S of 76 sticking ones is 2.1 % and more, of 92 healthy ones 1.6 % and less, of

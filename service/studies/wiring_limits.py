@@ -300,7 +300,9 @@ def wiring_limits(seen: Sequence[WiringShown]) -> Iterator[Limit]:
     ]
     plainly = [
         JointCondition("left as mapped", "left", w.FOLLOWS_ENOUGH),
-        JointCondition("left then, of that now", "then_of_now", w.PLAINLY_ANOTHER_TIME, above=False),
+        JointCondition(
+            "left then, of that now", "then_of_now", w.PLAINLY_ANOTHER_TIME, above=False
+        ),
     ]
     unrelated = [JointCondition("left as mapped", "as_mapped", w.UNRELATED_LEFT)]
     for name, kinds, limits in (
