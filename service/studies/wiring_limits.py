@@ -117,6 +117,11 @@ class WiringShown:
     far_left: float
     as_mapped: float
 
+    @property
+    def then_of_now(self) -> float:
+        """What OP at another time leaves, of what friction or a slow actuator leaves now."""
+        return self.far_left / self.as_mapped if self.as_mapped else np.nan
+
 
 def shown(way: str, rightly: bool, recording: Recording) -> WiringShown:
     """The values of the checks on a ``recording``, stored in the way ``way``."""
@@ -293,10 +298,17 @@ def wiring_limits(seen: Sequence[WiringShown]) -> Iterator[Limit]:
         JointCondition("left, of that now", "far", w.ANOTHER_TIME, above=False),
         JointCondition("left then", "far_left", w.RELATED, above=False),
     ]
+    plainly = [
+        JointCondition("left as mapped", "left", w.FOLLOWS_ENOUGH),
+        JointCondition(
+            "left then, of that now", "then_of_now", w.PLAINLY_ANOTHER_TIME, above=False
+        ),
+    ]
     unrelated = [JointCondition("left as mapped", "as_mapped", w.UNRELATED_LEFT)]
     for name, kinds, limits in (
         ("another tag", FOR_ANOTHER, another),
         ("another time", APART, far),
+        ("plainly another time", APART, plainly),
         ("unexplained", OF_ANOTHER, unrelated),
     ):
         yield from beside(*kinds).together(name, limits, lambda valve: not valve.told)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from stemwatch.models.recording import Role
+from stemwatch.models.screening.screen import Case, Options, screen
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.executors import InProcess
 from stemwatch.service.studies.miswiring import (
@@ -54,6 +55,22 @@ def test_valves_stick_and_do_not_in_turn_and_are_mixed_up_with_the_other_kind():
     assert [valve.sticking for valve in drawn] == [True, False] * 4
     assert [valve.name for valve in draw_miswired(4, 5)] == [valve.name for valve in drawn[:4]]
     assert len({valve.loop.tag for valve in drawn} | {valve.other_loop.tag for valve in drawn}) > 6
+
+
+@pytest.mark.parametrize(
+    ("seed", "number"), [(2098, 7), pytest.param(7171, 3, marks=pytest.mark.long)]
+)
+def test_a_position_a_minute_late_is_not_taken_for_a_large_S(seed, number):
+    """In a loop that moves slowly a minute looks like an S of many percent, which explains seven
+    tenths of the movement and more; OP of a minute ago explains nearly all of it. Before, the first
+    of these healthy valves was called sticky with a confidence of 0.99.
+    """
+    (valve,) = draw_miswired(10, seed)[number : number + 1]
+    late = KINDS["MV 60 s late"](record(valve))
+    (one,) = screen([Case(recording=late)], Options(narx=False))
+    assert not valve.sticking
+    assert one.verdict is Verdict.UNDETERMINED
+    assert "s after OP, later than a stem answers" in one.reason
 
 
 @pytest.mark.parametrize(

@@ -41,6 +41,8 @@ CONSTANTS = {
     "another time: left as mapped": wiring_checks.DOUBTED,
     "another time: left, of that now": wiring_checks.ANOTHER_TIME,
     "another time: left then": wiring_checks.RELATED,
+    "plainly another time: left as mapped": wiring_checks.FOLLOWS_ENOUGH,
+    "plainly another time: left then, of that now": wiring_checks.PLAINLY_ANOTHER_TIME,
     "unexplained: left as mapped": wiring_checks.UNRELATED_LEFT,
 }
 FILE = Path(__file__).parents[3] / "docs" / "figures" / "wiring-limits.json"
