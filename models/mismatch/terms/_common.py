@@ -37,15 +37,17 @@ SLOW_AS_BUILT = (
 
 LONGEST_LAG_S = 15.0  # that is tried
 SAMPLES = 10.0  # of a slow record, over which a delay or lag is looked for at least
+# Clocks on which the longest is counted in true seconds: a valve that takes some seconds takes many
+# samples there. On quicker ones no search reaches that far.
+QUICK_S = (0.5, 1.0)
 
 
 def longest(summary: RecordingSummary, usual_s: float) -> float:
-    """The longest delay or lag that is tried, in units of the own clock: ``usual_s`` of them. On a
-    clock quicker than a second as many true seconds, up to twice as many units: a valve that takes
-    some seconds takes many samples there.
+    """The longest delay or lag that is tried, in units of the own clock: ``usual_s`` of them, or as
+    many true seconds where there are one or two samples a second.
     """
-    in_units = min(usual_s / summary.unit_s, 2.0 * usual_s)
-    return max(usual_s, in_units, SAMPLES * summary.interval_s)
+    in_units = usual_s / summary.unit_s if _is_quick(summary) else usual_s
+    return max(in_units, SAMPLES * summary.interval_s)
 
 
 def lags_from(summary: RecordingSummary, usual: Floats) -> Floats:
@@ -53,9 +55,13 @@ def lags_from(summary: RecordingSummary, usual: Floats) -> Floats:
     as long again as the one before.
     """
     high, starts = longest(summary, LONGEST_LAG_S), usual
-    while summary.unit_s < 1.0 and 1.5 * starts[-1].max() < high:
+    while _is_quick(summary) and 1.5 * starts[-1].max() < high:
         starts = np.concatenate((starts, 1.5 * starts[-1:]))
     return starts
+
+
+def _is_quick(summary: RecordingSummary) -> bool:
+    return QUICK_S[0] <= summary.unit_s < QUICK_S[1]
 
 
 class _Defect:

@@ -70,7 +70,7 @@ class ActuatorLag(CommandTerm):
     )
 
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
-        """The time constant, up to 15 s, ten samples, or 30 units of a quick clock."""
+        """The time constant, up to 15 s or ten samples."""
         return (Coordinate(name="tau_s", low=0.0, high=longest(summary, LONGEST_LAG_S)),)
 
     def starts(self, summary: RecordingSummary) -> Floats:

@@ -85,7 +85,7 @@ class DeadTime(CommandTerm):
     )
 
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
-        """The delay, up to 12 s, ten samples, or 24 units of a quick clock."""
+        """The delay, up to 12 s or ten samples."""
         return (Coordinate(name="theta_s", low=0.0, high=longest(summary, LONGEST_S)),)
 
     def starts(self, summary: RecordingSummary) -> Floats:

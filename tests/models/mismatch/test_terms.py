@@ -461,15 +461,15 @@ def test_how_machines_are_built_is_counted_in_true_seconds(slug: str, values: li
     [("actuator_lag", 15.0), ("asymmetric_lag", 15.0), ("dead_time", 12.0), ("viscous_drag", 15.0)],
 )
 def test_delays_of_some_seconds_are_looked_for_where_samples_are_quick(slug: str, usual: float):
-    """Eleven seconds are 22 samples at two a second; at a hundred a second, delays and lags are
-    looked for up to twice the usual number of samples."""
+    """Eleven seconds are 22 samples at two a second; at a hundred a second no search reaches that
+    far, and the usual number of samples holds."""
     term = CATALOGUE[slug]
-    for unit_s, longest in ((1.0, usual), (0.5, 2.0 * usual), (0.01, 2.0 * usual), (5.0, usual)):
+    for unit_s, longest in ((1.0, usual), (0.5, 2.0 * usual), (0.01, usual), (5.0, usual)):
         summary = replace(LOOK, unit_s=unit_s)
         assert {one.high for one in term.coordinates(summary)} == {longest}
         longest_start = term.starts(summary).max()
         assert longest_start < longest
-        assert unit_s >= 1.0 or longest_start > 0.6 * longest
+        assert unit_s != 0.5 or longest_start > 0.6 * longest
 
 
 @pytest.mark.parametrize(("gain", "perhaps"), [(0.9, True), (0.96, False), (1.1, False)])

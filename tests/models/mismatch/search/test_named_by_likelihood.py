@@ -132,7 +132,8 @@ def test_what_trajectories_dropped_may_still_be_shown() -> None:
 @pytest.mark.long
 def test_friction_at_a_place_is_shown_by_the_whole_record() -> None:
     """In noise, where no trajectory shows it."""
-    (effect,) = explained(2119, 18).effects
+    run = draw_effect("position_dependent_friction", 9, 4063, "noisy")[8].simulated()
+    (effect,) = explain(run.recording).effects
     assert effect.members == ("position_dependent_friction",)
     assert effect.evidence.likelihood_gain > LEAST_GAIN
 
