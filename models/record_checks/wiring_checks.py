@@ -122,14 +122,18 @@ class WiringEvidence:
         return min(self.at_most.left, self.pairing.by_a_slow_actuator())
 
     @property
+    def left_now(self) -> float:
+        """``as_mapped``, or what OP a few samples off leaves."""
+        return min(self.nearest.left, self.as_mapped)
+
+    @property
     def plainly_at_another_time(self) -> bool:
         """Whether OP many samples earlier or later leaves less than half of what friction or a slow
         actuator leaves at OP's own time, and the slips do not show that the clocks agree.
         """
         if self.nearest.left < FOLLOWS_ENOUGH or self.pairing.slips_to_its_command:
             return False
-        now = min(self.nearest.left, self.as_mapped)
-        return self.far_away.left < PLAINLY_ANOTHER_TIME * now
+        return self.far_away.left < PLAINLY_ANOTHER_TIME * self.left_now
 
     @cached_property
     def controller(self) -> BehindController:
@@ -307,7 +311,7 @@ def _otherwise_explained(recording: Recording, seen: WiringEvidence) -> list[Obs
         return [_clocks_apart(recording, far.samples)]
     if other < before:
         return [_swapped(role, instead_role)]
-    return [_unrelated(before)] if min(nearest, before) > UNRELATED_LEFT else []
+    return [_unrelated(before)] if seen.left_now > UNRELATED_LEFT else []
 
 
 def _explained(recording: Recording, command: Role, position: Role) -> BestShift:

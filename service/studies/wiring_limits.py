@@ -152,7 +152,7 @@ def shown(way: str, rightly: bool, recording: Recording) -> WiringShown:
             "another": min(others, default=np.inf) / seen.as_mapped,
             "far": seen.far_away.left / seen.nearest.left,
             "far_left": seen.far_away.left,
-            "as_mapped": min(seen.nearest.left, seen.as_mapped),
+            "as_mapped": seen.left_now,
         }
     return WiringShown(
         way=way,

@@ -49,7 +49,7 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
             continue
         spring = spring or hypothesis.spring
         stand = {effect.slug for effect in hypothesis.effects}
-        if stand and not (_others_go_first(hypothesis, proposed) or _holds(hypothesis)):
+        if stand and _none_goes_first(hypothesis, proposed) and not _holds(hypothesis):
             if named.sticks_again is not None:
                 named = whole.sliding(named)
                 continue
@@ -105,12 +105,12 @@ def _immaterial(hypothesis: AcceptedHypothesis) -> set[str]:
     }
 
 
-def _others_go_first(hypothesis: AcceptedHypothesis, proposed: Set[str]) -> bool:
-    """Whether effects were ``proposed`` that do not stand: they are part of the runs by which the
-    others are judged, and a fit without them is judged anew. Motor and load are one model.
+def _none_goes_first(hypothesis: AcceptedHypothesis, proposed: Set[str]) -> bool:
+    """Whether all effects that were ``proposed`` stand, so that they can be judged: others are part
+    of the runs, and a fit without them is judged anew. Motor and load are one model.
     """
     stand = {effect.slug for effect in hypothesis.effects}
-    return stand != proposed and DRIVE not in hypothesis.layout.places
+    return stand == proposed or DRIVE in hypothesis.layout.places
 
 
 def _holds(hypothesis: AcceptedHypothesis) -> bool:
